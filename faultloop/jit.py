@@ -1,0 +1,63 @@
+"""The one compiler decorator.
+
+numba's file cache keys on the file that holds a function, so a caller keeps the stale machine code of a
+callee that changed in another file (numba issue 1833).  The cache directory is therefore keyed by a digest
+of the kernel-bearing sources of the subpackage (``plant`` and ``relay`` share no code, so each has a digest
+of its own): any change gives a fresh cache, an unchanged subpackage a warm one.
+``fastmath`` stays off: a trip decision must be the same bits everywhere.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+PACKAGE = Path(__file__).parent
+
+
+@cache
+def source_digest(area: str) -> str:
+    """Hex digest of the sources under ``faultloop/<area>`` that hold kernels, and of this file."""
+    digest = hashlib.sha256(Path(__file__).read_bytes())
+    for path in sorted((PACKAGE / area).rglob("*.py")):
+        source = path.read_bytes()
+        if b"njit" in source:
+            digest.update(path.relative_to(PACKAGE).as_posix().encode())
+            digest.update(source)
+    return digest.hexdigest()[:16]
+
+
+def cache_root() -> Path:
+    """Where compiled kernels are kept: ``$FAULTLOOP_CACHE``, else the platform's cache folder."""
+    if given := os.environ.get("FAULTLOOP_CACHE"):
+        return Path(given)
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or tempfile.gettempdir()) / "faultloop" / "cache"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "faultloop"
+
+
+def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """``numba.njit`` with a file cache and IEEE arithmetic; ``@njit`` or ``@njit(inline="always")``."""
+    options = {"cache": True, "fastmath": False, "error_model": "numpy"} | options
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        package, _, rest = function.__module__.partition(".")
+        if not options["cache"] or package != "faultloop":  # a user's own kernel: numba's own place
+            return numba.njit(**options)(function)
+        area = rest.partition(".")[0]
+        before = numba.config.CACHE_DIR  # numba chooses the place when it decorates
+        numba.config.CACHE_DIR = str(cache_root() / f"{area}-{source_digest(area)}")
+        try:
+            return numba.njit(**options)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+
+    return decorate if function is None else decorate(function)

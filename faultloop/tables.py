@@ -1,0 +1,126 @@
+"""TOML files as pydantic models, and their errors as one line that names file and key."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_args
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from faultloop.errors import InputError, nearest
+
+
+class Table(BaseModel):
+    """A TOML table: unknown keys refused, numbers finite, never changed after validation."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+def _pair(value: tuple[float, float]) -> tuple[float, float]:
+    if not all(math.isfinite(v) for v in value):
+        raise ValueError("both numbers must be finite")
+    return value
+
+
+Number = Annotated[float, Field(strict=False)]
+"""A finite number; TOML's 5 and 5.0 are the same, "5" is not a number."""
+Positive = Annotated[float, Field(strict=False, gt=0)]
+NonNegative = Annotated[float, Field(strict=False, ge=0)]
+ComplexOhm = Annotated[tuple[Number, Number], Field(strict=False), AfterValidator(_pair)]
+"""An impedance as TOML ``[r, x]`` in ohm."""
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def read_toml(path: Path | str) -> tuple[dict[str, Any], str]:
+    """The parsed file and its text.  Raises InputError where it cannot be read or is not TOML."""
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError("no such file", file=path) from None
+    except IsADirectoryError:
+        raise InputError("is a folder; a TOML file is needed", file=path) from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
+    try:
+        return tomllib.loads(text), text
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"is not valid TOML: {error}", file=path) from None
+
+
+def validate(model: type[Model], data: Mapping[str, Any], file: object = None) -> Model:
+    """``model`` from parsed TOML; the first thing wrong becomes an InputError."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise input_error(error, model, data, file) from None
+
+
+def input_error(
+    error: ValidationError, model: type[BaseModel], data: Mapping[str, Any], file: object
+) -> InputError:
+    """One line out of pydantic's list: an unknown key first (often it explains the missing one)."""
+    found = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")[0]
+    where, what = found["loc"], found["msg"]
+    key = _key(where, data)
+    value = found.get("input")
+    match found["type"]:
+        case "extra_forbidden":
+            what = f"unknown key; {nearest(str(where[-1]), _fields(model, where[:-1]))}"
+        case "missing":
+            what = "missing; it has no default"
+        case "value_error":
+            what = what.removeprefix("Value error, ")
+        case _:
+            what = (
+                f"{what[0].lower()}{what[1:]}, not {value!r}" if not isinstance(value, (dict, list)) else what
+            )
+    return InputError(what, file=file, key=key or None)
+
+
+def _key(where: tuple[int | str, ...], data: Any) -> str:
+    """``fault[1].type``; list members that have a name are shown by it: ``line[L1].length_km``."""
+    text = ""
+    for part in where:
+        if isinstance(part, int):
+            item = data[part] if isinstance(data, list) and part < len(data) else None
+            name = item.get("name") if isinstance(item, dict) else None
+            text += f"[{name if isinstance(name, str) else part}]"
+            data = item
+        else:
+            text += f".{part}" if text else part
+            data = data.get(part) if isinstance(data, dict) else None
+    return text
+
+
+def _fields(model: type[BaseModel], where: tuple[int | str, ...]) -> list[str]:
+    """The known keys of the table at ``where``."""
+    current: Any = model
+    for part in where:
+        if isinstance(part, int):
+            continue
+        field = current.model_fields.get(part) if _is_model(current) else None
+        if field is None:
+            return []
+        candidates = [field.annotation, *_flatten(field.annotation)]
+        current = next((c for c in candidates if _is_model(c)), None)
+    if not _is_model(current):
+        return []
+    return [field.alias or name for name, field in current.model_fields.items()]
+
+
+def _is_model(candidate: Any) -> bool:
+    return isinstance(candidate, type) and issubclass(candidate, BaseModel)
+
+
+def _flatten(annotation: Any) -> list[Any]:
+    out: list[Any] = []
+    for arg in get_args(annotation):
+        out += [arg, *_flatten(arg)]
+    return out

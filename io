@@ -1,0 +1,1 @@
+faultloop/io

@@ -1,0 +1,35 @@
+"""Where the tests find what is not in the repository."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session")
+def root() -> Path:
+    """The repository."""
+    return ROOT
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder ``shared`` beside the repository: records, seed papers, data."""
+    path = ROOT.parent / "shared"
+    if not path.is_dir():
+        pytest.skip(f"needs-shared: no folder {path.name} beside the repository")
+    return path
+
+
+@pytest.fixture(scope="session")
+def records() -> Path:
+    """Real fault records: FAULTLOOP_RECORDS, else ../shared/records."""
+    given = os.environ.get("FAULTLOOP_RECORDS")
+    path = Path(given) if given else ROOT.parent / "shared" / "records"
+    if not path.is_dir():
+        pytest.skip("needs-shared: no fault records; set FAULTLOOP_RECORDS to their folder")
+    return path
