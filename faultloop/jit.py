@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import config
 
 PACKAGE = Path(__file__).parent
 
@@ -53,11 +54,11 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         if not options["cache"] or package != "faultloop":  # a user's own kernel: numba's own place
             return numba.njit(**options)(function)
         area = rest.partition(".")[0]
-        before = numba.config.CACHE_DIR  # numba chooses the place when it decorates
-        numba.config.CACHE_DIR = str(cache_root() / f"{area}-{source_digest(area)}")
+        before = vars(config)["CACHE_DIR"]  # numba chooses the place when it decorates
+        vars(config)["CACHE_DIR"] = str(cache_root() / f"{area}-{source_digest(area)}")
         try:
             return numba.njit(**options)(function)
         finally:
-            numba.config.CACHE_DIR = before
+            vars(config)["CACHE_DIR"] = before
 
     return decorate if function is None else decorate(function)

@@ -28,7 +28,7 @@ class Header(Table):
     name: str = Field(min_length=1)
     duration_s: Positive
     seed: int = Field(default=1, ge=0, lt=2**63)
-    start: datetime = datetime(2020, 1, 1, tzinfo=UTC)
+    start: datetime = Field(default=datetime(2020, 1, 1, tzinfo=UTC), strict=False)
     """The simulated time's epoch, in the log and on the bus; without an offset it is UTC."""
 
     @property
@@ -123,7 +123,7 @@ class Fault(Table):
     name: Name = ""
     line: Name | None = None
     at_km: NonNegative | None = None
-    at_pu: Annotated[float, Field(strict=False, ge=0, le=1)] | None = None
+    at_pu: Annotated[float, Field(ge=0, le=1)] | None = None
     bus: Name | None = None
     type: FaultType
     start_s: NonNegative | None = None
@@ -291,6 +291,7 @@ def load_scenario(path: Path | str, overrides: Sequence[str] = ()) -> Scenario:
     """Read, override (``fault.F1.resistance_ohm=5``) and validate a scenario file; raises InputError."""
     path = Path(path)
     data, text = read_toml(path)
+    data = _named_faults(data)
     for override in overrides:
         apply_override(data, override)
     return Scenario.from_dict(data, path=path, text=text)
@@ -305,10 +306,7 @@ def apply_override(data: dict[str, Any], override: str) -> None:
             f"'{override}' is not KEY=VALUE; KEY is table.key or array.name.key, as in fault.0.at_pu=0.5",
             key="--set",
         )
-    try:
-        value = tomllib.loads(f"x = {text.strip()}")["x"]
-    except tomllib.TOMLDecodeError:
-        value = text.strip()  # a bare word is a string: --set fault.0.type=BC
+    value = _value(text.strip())
     here: Any = data
     for depth, part in enumerate(parts[:-1]):
         if isinstance(here, list):
@@ -322,6 +320,18 @@ def apply_override(data: dict[str, Any], override: str) -> None:
     if not isinstance(here, dict):
         raise InputError(f"'{override}': {key.rpartition('.')[0]} is not a table", key="--set")
     here[parts[-1]] = value
+
+
+def _value(text: str) -> Any:
+    """A TOML value; a bare word is a string (``fault.0.type=BC``), and .5 is a number."""
+    try:
+        return tomllib.loads(f"x = {text}")["x"]
+    except tomllib.TOMLDecodeError:
+        pass
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 def _member(items: list[Any], part: str, where: str, override: str) -> Any:

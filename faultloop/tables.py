@@ -25,11 +25,11 @@ def _pair(value: tuple[float, float]) -> tuple[float, float]:
     return value
 
 
-Number = Annotated[float, Field(strict=False)]
+Number = float
 """A finite number; TOML's 5 and 5.0 are the same, "5" is not a number."""
-Positive = Annotated[float, Field(strict=False, gt=0)]
-NonNegative = Annotated[float, Field(strict=False, ge=0)]
-ComplexOhm = Annotated[tuple[Number, Number], Field(strict=False), AfterValidator(_pair)]
+Positive = Annotated[float, Field(gt=0)]
+NonNegative = Annotated[float, Field(ge=0)]
+ComplexOhm = Annotated[tuple[float, float], Field(strict=False), AfterValidator(_pair)]
 """An impedance as TOML ``[r, x]`` in ohm."""
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -73,14 +73,25 @@ def input_error(
     match found["type"]:
         case "extra_forbidden":
             what = f"unknown key; {nearest(str(where[-1]), _fields(model, where[:-1]))}"
+        case "missing" if isinstance(where[-1], int):
+            what = f"needs {where[-1] + 1} numbers, as in [r, x]"
+            key = _key(where[:-1], data)
         case "missing":
             what = "missing; it has no default"
+        case "tuple_type" if isinstance(value, dict):
+            what = f"must be a list of tables, each headed [[{key}]]"
+        case "tuple_type":
+            what = f"must be a list, not {value!r}"
+        case "too_short":
+            what = f"at least {found['ctx']['min_length']} needed, {found['ctx']['actual_length']} given"
+        case "too_long":
+            what = f"at most {found['ctx']['max_length']} possible, {found['ctx']['actual_length']} given"
         case "value_error":
             what = what.removeprefix("Value error, ")
         case _:
-            what = (
-                f"{what[0].lower()}{what[1:]}, not {value!r}" if not isinstance(value, (dict, list)) else what
-            )
+            what = what[0].lower() + what[1:]
+            if not isinstance(value, (dict, list)):
+                what += f", not {value!r}"
     return InputError(what, file=file, key=key or None)
 
 
