@@ -69,7 +69,7 @@ def input_error(
     found = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")[0]
     where, what = found["loc"], found["msg"]
     key = _key(where, data)
-    value = found.get("input")
+    value, context = found.get("input"), found.get("ctx", {})
     match found["type"]:
         case "extra_forbidden":
             what = f"unknown key; {nearest(str(where[-1]), _fields(model, where[:-1]))}"
@@ -83,9 +83,9 @@ def input_error(
         case "tuple_type":
             what = f"must be a list, not {value!r}"
         case "too_short":
-            what = f"at least {found['ctx']['min_length']} needed, {found['ctx']['actual_length']} given"
+            what = f"at least {context.get('min_length')} needed, {context.get('actual_length')} given"
         case "too_long":
-            what = f"at most {found['ctx']['max_length']} possible, {found['ctx']['actual_length']} given"
+            what = f"at most {context.get('max_length')} possible, {context.get('actual_length')} given"
         case "value_error":
             what = what.removeprefix("Value error, ")
         case _:

@@ -1,0 +1,50 @@
+# The two commands a newcomer needs: `make demo` and `make test`.  Both make the environment in .venv.
+VENV   ?= .venv
+BIN    := $(VENV)/bin
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
+
+.PHONY: demo test test-slow lint format bench constraints clean
+.DEFAULT_GOAL := demo
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "faultloop needs Python 3.11 or newer: install one, or say make PYTHON=/path/to/python" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# One stamp per set of dependencies: run, test, dev.
+$(VENV)/.run: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@touch $@
+$(VENV)/.test $(VENV)/.dev: $(VENV)/.%: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$*]'
+	@touch $@ $(VENV)/.run
+
+demo: $(VENV)/.run  ## a closed-loop run: what happened, and where its log is
+	$(BIN)/faultloop run scenarios/ag-zone1.toml --log logs/demo.mcap
+	$(BIN)/faultloop review logs/demo.mcap --png logs/demo.png --html logs/demo.html
+
+test: $(VENV)/.test  ## the tests
+	$(BIN)/python -m pytest
+
+test-slow: $(VENV)/.test
+	$(BIN)/python -m pytest -m "slow or not slow"
+
+lint: $(VENV)/.dev  ## lint, format, types, import rules
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright
+	$(BIN)/lint-imports
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix-only --quiet .
+	$(BIN)/ruff format .
+
+bench: $(VENV)/.test  ## every figure of docs/evidence.md that is a speed
+	for b in bench/*.py; do $(BIN)/python $$b || exit; done
+
+constraints: $(VENV)/.dev
+	{ echo "# The exact versions that make and .ci/run install (pip -c).  Renew with: make constraints"; \
+	  $(BIN)/python -m pip freeze --exclude-editable | sort -f; } >constraints.new && mv constraints.new constraints.txt
+
+clean:
+	rm -rf $(VENV) build dist
