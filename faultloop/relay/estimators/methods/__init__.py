@@ -1,0 +1,1 @@
+"""One module per estimator; the registry finds them here by their file names."""
