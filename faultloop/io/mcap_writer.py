@@ -1,0 +1,315 @@
+"""The log writer: blocks of samples and estimates, and rare messages, into chunks of 0.2 s.
+
+A row (one sample of one relay) is 495 bytes of four complete records.  Rows are packed when their chunk is
+closed, so a call costs a few array copies whatever its length.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import Attachment
+
+from faultloop.io.mcap_file import LOG_RECORD, MESSAGE_HEAD, McapFile
+from faultloop.io.messages import (
+    BY_NAME,
+    ELEMENTS,
+    EVENT,
+    LOOP_IMPEDANCES,
+    PHASORS,
+    SAMPLED,
+    SAMPLED_VALUES,
+    TRIP,
+    Message,
+    bit_names,
+)
+from faultloop.io.schema import (
+    HEAD,
+    heads,
+    message_class,
+    record_offset,
+    row_dtype,
+    row_template,
+    schema_bytes,
+)
+
+CHUNK_NS = 200_000_000  # log time of a chunk: with LATE_NS, what a kill can cost at most
+LATE_NS = 50_000_000  # how long a chunk waits for the relays that are behind
+MEDIA_TYPES = {".toml": "application/toml", ".dbc": "text/plain", ".json": "application/json"}
+
+Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+
+class RelayRows:
+    """The rows of one relay that no chunk has taken yet."""
+
+    def __init__(self, channels: Sequence[int]) -> None:
+        self.channels = tuple(channels)
+        self.template = row_template(channels)
+        self.sequence = 0  # of the first row held
+        self.held = 0
+        self.t_ns = np.empty(1024, np.int64)
+        self.counts = np.empty(1024, np.uint64)
+        self.bits = np.empty((1024, 2), np.uint64)
+        self.values = tuple(np.empty((1024, width)) for width in (6, 14, 12))
+
+    def append(
+        self,
+        t_ns: np.ndarray,
+        counts: np.ndarray,
+        values: tuple[np.ndarray, np.ndarray, np.ndarray],
+        bits: tuple[np.ndarray, np.ndarray],
+    ) -> None:
+        """Copies a block; every array has the block's rows first."""
+        shapes = [np.shape(block) for block in (t_ns, counts, *values, *bits)]
+        rows = len(t_ns)
+        if shapes != [(rows,), (rows,), (rows, 6), (rows, 14), (rows, 12), (rows,), (rows,)]:
+            raise ValueError(
+                f"a relay's block needs (n,) (n,) (n, 6) (n, 14) (n, 12) (n,) (n,); these are {shapes}"
+            )
+        stop = self.held + rows
+        if stop > len(self.t_ns):
+            self._grow(stop)
+        into = slice(self.held, stop)
+        self.t_ns[into], self.counts[into] = t_ns, counts
+        for own, block in zip(self.values, values, strict=True):
+            own[into] = block
+        self.bits[into, 0], self.bits[into, 1] = bits
+        self.held = stop
+
+    def _grow(self, rows: int) -> None:
+        def larger(own: np.ndarray) -> np.ndarray:
+            wider = np.empty((2 * rows, *own.shape[1:]), own.dtype)
+            wider[: self.held] = own[: self.held]
+            return wider
+
+        self.t_ns, self.counts, self.bits = larger(self.t_ns), larger(self.counts), larger(self.bits)
+        self.values = tuple(larger(own) for own in self.values)
+
+    def take(self, rows: int, start_ns: int) -> np.ndarray:
+        """The first ``rows`` rows as packed records (``schema.row_dtype``); they are held no longer."""
+        out = np.empty(rows, row_dtype())
+        # Copied as opaque bytes: field by field, as structured values, the copies take 0.35 us a row, not 0.03.
+        out.view(f"V{out.itemsize}")[...] = self.template.view(f"V{out.itemsize}")
+        opaque = f"V{HEAD.itemsize}"
+        head = heads(np.arange(self.sequence, self.sequence + rows), self.t_ns[:rows] + start_ns).view(opaque)
+        samples, phasors, loops = (own[:rows].view("<u8") for own in self.values)
+        for message in SAMPLED:
+            out[message.name]["head"].view(opaque)[...] = head
+        out[SAMPLED_VALUES.name]["body"]["value"][:, 0] = self.counts[:rows]
+        out[SAMPLED_VALUES.name]["body"]["value"][:, 1:] = samples
+        out[PHASORS.name]["body"]["value"] = phasors
+        out[LOOP_IMPEDANCES.name]["body"]["value"] = loops
+        out[ELEMENTS.name]["body"]["value"] = self.bits[:rows]
+        for own in (self.t_ns, self.counts, self.bits, *self.values):
+            own[: self.held - rows] = own[rows : self.held].copy()
+        self.held -= rows
+        self.sequence += rows
+        return out
+
+
+class LogWriter:
+    """Writes a run's log to ``<path>.part`` and renames it to ``path`` when it is closed whole.
+
+    Every chunk covers one window of 0.2 s of log time and is flushed when all relays have passed its end, or
+    when one is 50 ms past it: a killed run loses at most the last 0.25 s (``recover_log``).  The bytes depend
+    on what is written only, not on how it was cut into blocks, as long as no relay falls 50 ms behind.
+
+    Parameters
+    ----------
+    path : where the log goes.
+    start_ns : start of the run [ns since 1970-01-01 UTC]; every ``t_ns`` counts from it.
+    metadata : records by name, each a mapping of texts: scenario, settings, seed, versions.
+    attachments : files by name: the TOML files, the DBC.
+    compression : ``""`` (fastest), ``"lz4"`` or ``"zstd"``.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        start_ns: int,
+        metadata: Mapping[str, Mapping[str, str]] | None = None,
+        attachments: Mapping[str, str | bytes] | None = None,
+        compression: str = "",
+    ) -> None:
+        if start_ns < 0:
+            raise ValueError(f"start_ns is {start_ns}; an MCAP log cannot begin before 1970")
+        self.path, self.start_ns = Path(path), int(start_ns)
+        self.part = self.path.with_name(self.path.name + ".part")
+        self._stream = self.part.open("wb")
+        self._file = McapFile(self._stream, compression)
+        self._relays: dict[str, RelayRows] = {}
+        self._seen: dict[str, int] = {}  # per relay, its newest time
+        self._newest = 0
+        self._rare: list[tuple[int, int, bytes]] = []  # time, channel, record
+        self._channels: dict[str, tuple[int, Message]] = {}
+        self._sequences: dict[int, int] = {}
+        self._window = 0  # the windows before this one are written
+        self.add_metadata(LOG_RECORD, {"start_ns": str(self.start_ns)})
+        for name, values in (metadata or {}).items():
+            self.add_metadata(name, values)
+        for name, data in (attachments or {}).items():
+            self.add_attachment(name, data)
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Writes a metadata record at once; a log may gain them while it is written."""
+        self._file.metadata(name, values)
+
+    def add_attachment(self, name: str, data: str | bytes) -> None:
+        """Writes an attachment at once."""
+        self._file.attachment(
+            Attachment(
+                create_time=0,
+                log_time=self.start_ns,
+                name=name,
+                media_type=MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream"),
+                data=data.encode() if isinstance(data, str) else data,
+            )
+        )
+
+    def _channel(self, topic: str, message: Message, metadata: Mapping[str, str] | None = None) -> int:
+        units = {field.name: field.unit for field in message.fields if field.unit}
+        described = {"units": json.dumps(units)} if units else {}
+        schema = self._file.schema(message.full_name, schema_bytes(message))
+        channel = self._file.channel(topic, schema, described | dict(metadata or {}))
+        self._channels[topic] = channel, message
+        return channel
+
+    def add_relay(
+        self, name: str, bits: Sequence[str], characteristics: Characteristics | None = None
+    ) -> None:
+        """Makes the channels of relay ``name``.
+
+        Parameters
+        ----------
+        bits : name of each bit of ``pickup`` and ``operate``, lowest first, at most 64.
+        characteristics : per zone the ground and the phase polygon, each (k, 2) of R, X [ohm, primary].
+        """
+        if name in self._relays:
+            raise ValueError(f"relay {name!r} is in the log already")
+        names = bit_names(tuple(bits))
+        zones = {
+            zone: {"ground": np.asarray(ground).tolist(), "phase": np.asarray(phase).tolist()}
+            for zone, (ground, phase) in (characteristics or {}).items()
+        }
+        extra = {
+            ELEMENTS.name: {f"{word}_bits": json.dumps(names[word]) for word in names},
+            LOOP_IMPEDANCES.name: {"characteristics": json.dumps(zones)},
+        }
+        self._relays[name] = RelayRows(
+            [self._channel(message.topic_for(name), message, extra.get(message.name)) for message in SAMPLED]
+        )
+        for message in (TRIP, EVENT):
+            self._channel(message.topic_for(name), message)
+
+    def relay_block(
+        self,
+        name: str,
+        t_ns: np.ndarray,
+        sample_count: np.ndarray,
+        samples: np.ndarray,
+        phasors: np.ndarray,
+        loops: np.ndarray,
+        pickup: np.ndarray,
+        operate: np.ndarray,
+    ) -> None:
+        """Logs n samples of a relay with everything it made of them; the arrays are copied.
+
+        Shapes: t_ns (n,) int64 [ns since the start, increasing], sample_count (n,), samples (n, 6) [V, A],
+        phasors (n, 14), loops (n, 12) [ohm], pickup and operate (n,) uint64.
+        """
+        self._relays[name].append(t_ns, sample_count, (samples, phasors, loops), (pickup, operate))
+        if len(t_ns):
+            self._advance(name, int(t_ns[-1]))
+
+    def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
+        """Logs one rare message of the table of messages; a field left out is zero or empty."""
+        message = BY_NAME[message_name]
+        channel = self._channels[topic][0] if topic in self._channels else self._channel(topic, message)
+        log_ns = self.start_ns + int(t_ns)
+        proto = message_class(message)(**fields)
+        proto.timestamp.seconds, proto.timestamp.nanos = divmod(log_ns, 1_000_000_000)
+        data = proto.SerializeToString(deterministic=True)
+        sequence = self._sequences.get(channel, 0)
+        self._sequences[channel] = sequence + 1
+        head = MESSAGE_HEAD.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, log_ns, log_ns)
+        self._rare.append((int(t_ns), channel, head + data))
+        self._advance(None, int(t_ns))
+
+    def _advance(self, relay: str | None, t_ns: int) -> None:
+        """Writes the windows that all relays have passed, or that one of them left 50 ms ago."""
+        self._newest = max(self._newest, t_ns)
+        if relay is not None:
+            self._seen[relay] = t_ns
+        slowest = min((self._seen.get(name, 0) for name in self._relays), default=self._newest)
+        passed = max(slowest, self._newest - LATE_NS) // CHUNK_NS
+        if passed > self._window:
+            self._write_until(passed)
+
+    def _write_until(self, window: int | None) -> None:
+        """Writes what is held of the windows before ``window`` (of all, if None), one chunk each."""
+        held = [t for t, _, _ in self._rare] + [
+            int(rows.t_ns[0]) for rows in self._relays.values() if rows.held
+        ]
+        while held and (window is None or min(held) // CHUNK_NS < window):
+            self._write_window(min(held) // CHUNK_NS)
+            held = [t for t, _, _ in self._rare] + [int(r.t_ns[0]) for r in self._relays.values() if r.held]
+        if window is not None:
+            self._window = window
+
+    def _write_window(self, window: int) -> None:
+        """Writes one chunk: the relays' rows, relay by relay, then the rare messages by time."""
+        stop_ns = (window + 1) * CHUNK_NS
+        index: dict[int, np.ndarray] = {}
+        parts, offset = [], 0
+        for rows in self._relays.values():
+            count = int(np.searchsorted(rows.t_ns[: rows.held], stop_ns))
+            if not count:
+                continue
+            times = (rows.t_ns[:count] + self.start_ns).astype(np.uint64)
+            packed = rows.take(count, self.start_ns)
+            starts = offset + packed.itemsize * np.arange(count, dtype=np.uint64)
+            for channel, message in zip(rows.channels, SAMPLED, strict=True):
+                within = record_offset(message)
+                index[channel] = np.column_stack((times, starts + np.uint64(within)))
+            parts.append(packed.data)
+            offset += packed.nbytes
+        now = sorted((entry for entry in self._rare if entry[0] < stop_ns), key=lambda entry: entry[:2])
+        self._rare = [entry for entry in self._rare if entry[0] >= stop_ns]
+        entries: dict[int, list[tuple[int, int]]] = {}
+        for t_ns, channel, record in now:
+            entries.setdefault(channel, []).append((self.start_ns + t_ns, offset))
+            parts.append(record)
+            offset += len(record)
+        index |= {channel: np.array(pairs, dtype=np.uint64) for channel, pairs in entries.items()}
+        self._file.chunk(b"".join(parts), index)
+
+    def close(self) -> Path:
+        """Writes the rest and the summary, and gives the file its name."""
+        self._write_until(None)
+        self._file.finish()
+        self._stream.close()
+        return self.part.replace(self.path)
+
+    def abort(self) -> Path:
+        """Writes what is held and leaves ``<path>.part`` without a summary, for ``recover_log``."""
+        self._write_until(None)
+        self._stream.close()
+        return self.part
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abort()

@@ -1,0 +1,172 @@
+"""Protobuf schemas and record layouts, both derived from the table of messages at run time.
+
+The every-sample messages are written without protobuf: each field is an 8-byte ``double`` or ``fixed64`` that
+is always present, and both varints of the timestamp are padded to five bytes, so that a complete MCAP Message
+record has a fixed layout and a NumPy structured array is a run of them.  Any protobuf parser reads it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, timestamp_pb2
+from mcap.opcode import Opcode
+
+from faultloop.io.messages import LEVELS, SAMPLED, Message
+
+FieldProto = descriptor_pb2.FieldDescriptorProto
+PROTO_TYPES = {
+    "double": FieldProto.TYPE_DOUBLE,
+    "fixed64": FieldProto.TYPE_FIXED64,
+    "fixed32": FieldProto.TYPE_FIXED32,
+    "uint32": FieldProto.TYPE_UINT32,
+    "bool": FieldProto.TYPE_BOOL,
+    "string": FieldProto.TYPE_STRING,
+    "bytes": FieldProto.TYPE_BYTES,
+    "level": FieldProto.TYPE_ENUM,
+}
+FIXED64 = 1  # protobuf wire type of double and fixed64
+TIMESTAMP = "google/protobuf/timestamp.proto"
+
+# Sequence number to timestamp: equal in the four records of one sample, so built once and copied.
+HEAD = np.dtype(
+    [
+        ("sequence", "<u4"),
+        ("log_time", "<u8"),
+        ("publish_time", "<u8"),
+        ("stamp", "u1", (3,)),  # tag of field 1, its length, tag of seconds
+        ("seconds", "u1", (5,)),
+        ("nanos_tag", "u1"),
+        ("nanos", "u1", (5,)),
+    ]
+)
+STAMP_TAGS = (0x0A, 12, 0x08)
+NANOS_TAG = 0x10
+
+
+@cache
+def file_descriptor(message: Message) -> descriptor_pb2.FileDescriptorProto:
+    """The .proto file of one message."""
+    package, _, name = message.full_name.rpartition(".")
+    file = descriptor_pb2.FileDescriptorProto(
+        name=f"{package}/{name}.proto", package=package, syntax="proto3", dependency=[TIMESTAMP]
+    )
+    proto = file.message_type.add(name=name)
+    proto.field.add(
+        name="timestamp",
+        json_name="timestamp",
+        number=1,
+        label=FieldProto.LABEL_OPTIONAL,
+        type=FieldProto.TYPE_MESSAGE,
+        type_name=".google.protobuf.Timestamp",
+    )
+    for number, field in enumerate(message.fields, start=2):
+        added = proto.field.add(
+            name=field.name, number=number, label=FieldProto.LABEL_OPTIONAL, type=PROTO_TYPES[field.type]
+        )
+        if field.type == "level":
+            added.type_name = f".{message.full_name}.Level"
+            proto.enum_type.add(
+                name="Level",
+                value=[
+                    descriptor_pb2.EnumValueDescriptorProto(name=x, number=i) for i, x in enumerate(LEVELS)
+                ],
+            )
+    return file
+
+
+@cache
+def schema_bytes(message: Message) -> bytes:
+    """The FileDescriptorSet, imports included, that MCAP keeps as the schema."""
+    files = descriptor_pb2.FileDescriptorSet()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(files.file.add())
+    files.file.append(file_descriptor(message))
+    return files.SerializeToString(deterministic=True)
+
+
+@cache
+def message_class(message: Message) -> Any:
+    """The protobuf class, for the rare messages and for reading."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(schema_bytes(message)).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(message.full_name))
+
+
+@cache
+def record_dtype(message: Message) -> np.dtype:
+    """A whole MCAP Message record, opcode to last field, of an every-sample message; packed."""
+    slot = np.dtype([("tag", "u1"), ("value", "<u8")])
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("head", HEAD),
+            ("body", slot, (len(message.fields),)),
+        ]
+    )
+
+
+@cache
+def row_dtype() -> np.dtype:
+    """What one sample of one relay writes: the records of all every-sample messages, side by side."""
+    return np.dtype([(message.name, record_dtype(message)) for message in SAMPLED])
+
+
+def record_offset(message: Message) -> int:
+    """Where in a row (``row_dtype``) the record of this message begins."""
+    before = SAMPLED[: SAMPLED.index(message)]
+    return sum(record_dtype(earlier).itemsize for earlier in before)
+
+
+def tags(message: Message) -> np.ndarray:
+    """Tag byte of each field of ``body``."""
+    return np.array([number << 3 | FIXED64 for number in range(2, len(message.fields) + 2)], dtype="u1")
+
+
+def row_template(channels: Iterable[int]) -> np.ndarray:
+    """One row (shape ``()``) with all that every sample has in common; ``channels`` as in ``SAMPLED``."""
+    row = np.zeros((), row_dtype())
+    for message, channel in zip(SAMPLED, channels, strict=True):
+        record = row[message.name]
+        record["opcode"] = Opcode.MESSAGE
+        record["length"] = record.dtype.itemsize - 9
+        record["channel"] = channel
+        record["body"]["tag"] = tags(message)
+    return row
+
+
+def heads(sequence: np.ndarray, log_ns: np.ndarray) -> np.ndarray:
+    """Heads of the records at ``log_ns`` [ns since 1970, int64]."""
+    head = np.empty(len(log_ns), HEAD)
+    head["sequence"] = sequence
+    head["log_time"] = head["publish_time"] = log_ns
+    head["stamp"] = STAMP_TAGS
+    head["nanos_tag"] = NANOS_TAG
+    seconds, nanos = np.divmod(log_ns, 1_000_000_000)
+    _put_varint(head["seconds"], seconds)
+    _put_varint(head["nanos"], nanos)
+    return head
+
+
+def _put_varint(out: np.ndarray, values: np.ndarray) -> None:
+    """Five-byte varints, padded: all but the last byte carry the continuation bit."""
+    for byte in range(5):
+        out[:, byte] = (values >> (7 * byte)) & 0x7F | (0x80 if byte < 4 else 0)
+
+
+def is_fixed_layout(records: np.ndarray, message: Message, channel: int) -> bool:
+    """Whether every record of ``records`` (of ``record_dtype``) is this channel's, laid out as here."""
+    head, dtype = records["head"], records.dtype
+    return bool(
+        (records["opcode"] == Opcode.MESSAGE).all()
+        and (records["channel"] == channel).all()
+        and (records["length"] == dtype.itemsize - 9).all()
+        and (head["stamp"] == STAMP_TAGS).all()
+        and (head["nanos_tag"] == NANOS_TAG).all()
+        and (records["body"]["tag"] == tags(message)).all()
+    )
