@@ -1,0 +1,66 @@
+"""The command line: one thin module per command, each importing what it needs when it runs."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from faultloop.cli import diff, export, recover, replay, review, run
+from faultloop.errors import InputError
+
+app = typer.Typer(
+    name="faultloop",
+    help="IEC-style protection relay simulator: EMT plant, distance relay, trips over CAN, every sample in MCAP.",
+    epilog="Exit status: 0 done, 2 the input is wrong, 3 an expectation did not hold or a difference was found, "
+    "130 interrupted.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+for command in (run, replay, review, export, diff, recover):
+    app.command(name=command.__name__.rpartition(".")[2])(command.command)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"faultloop {version('faultloop')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+) -> None:
+    pass
+
+
+def call(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; the exit status.  Every wrong input is one line on standard error."""
+    try:
+        status = app(args=None if arguments is None else list(arguments), standalone_mode=False)
+        return status if isinstance(status, int) else 0
+    except InputError as error:
+        print(f"faultloop: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # `faultloop review ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if hasattr(error, "format_message"):  # the parser's own word on a wrong command line
+            print(f"faultloop: {error.format_message()} (see faultloop --help)", file=sys.stderr)
+            return 2
+        raise
+
+
+def main() -> None:
+    """The console script."""
+    sys.exit(call())

@@ -1,0 +1,55 @@
+"""``faultloop export``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    log: Annotated[Path, typer.Argument(metavar="LOG.mcap", help="The log of a run or a replay.")],
+    comtrade: Annotated[
+        Path | None, typer.Option(metavar="F.cfg|F.cff", help="COMTRADE (IEC 60255-24).")
+    ] = None,
+    parquet: Annotated[Path | None, typer.Option(metavar="DIR", help="A Parquet file per topic.")] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="DIR", help="A CSV file per topic.")] = None,
+    can: Annotated[Path | None, typer.Option(metavar="F.blf|.asc|.log", help="The CAN frames.")] = None,
+    relay: Annotated[
+        str | None, typer.Option(metavar="NAME", help="COMTRADE of this relay only; all where not given.")
+    ] = None,
+    revision: Annotated[str, typer.Option(metavar="1999|2013", help="COMTRADE revision.")] = "2013",
+    format: Annotated[
+        str, typer.Option(metavar="ASCII|BINARY|BINARY32|FLOAT32", help="COMTRADE data format.")
+    ] = "FLOAT32",
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> int:
+    """Write a log, or a part of it, in another format."""
+    from faultloop.cli.output import print_json
+    from faultloop.errors import InputError
+    from faultloop.io.log import open_log
+
+    if all(target is None for target in (comtrade, parquet, csv, can)):
+        raise InputError("say what to write: --comtrade F.cfg, --parquet DIR, --csv DIR or --can F.blf")
+    opened = open_log(log)
+    written: list[Path] = []
+    if comtrade is not None:
+        from faultloop.study.export import log_to_comtrade
+
+        written += log_to_comtrade(opened, comtrade, relay=relay, revision=revision, format=format)
+    if parquet is not None or csv is not None:
+        from faultloop.io.export_tables import write_csv, write_parquet
+
+        written += write_parquet(opened, parquet) if parquet is not None else []
+        written += write_csv(opened, csv) if csv is not None else []
+    if can is not None:
+        from faultloop.study.export import log_to_can
+
+        written += log_to_can(opened, can)
+    if json:
+        print_json({"written": [str(path) for path in written]})
+    else:
+        for path in written:
+            typer.echo(f"wrote {path}")
+    return 0

@@ -1,0 +1,48 @@
+"""``faultloop review``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    log: Annotated[Path, typer.Argument(metavar="LOG.mcap", help="The log of a run or a replay.")],
+    html: Annotated[Path | None, typer.Option(metavar="F.html", help="An interactive page.")] = None,
+    png: Annotated[Path | None, typer.Option(metavar="F.png", help="A picture.")] = None,
+    rerun: Annotated[
+        str | None, typer.Option(metavar="spawn|serve|F.rrd|URL", help="Show it in rerun.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> int:
+    """What happened in a log: a summary, and plots where asked for."""
+    from faultloop.cli.output import console, print_json
+    from faultloop.io.log import open_log
+    from faultloop.study.review import print_review, summarize
+
+    opened = open_log(log)
+    summary = summarize(opened)
+    written = []
+    if png is not None:
+        from faultloop.study.plot import write_png
+
+        write_png(opened, summary, png)
+        written.append(png)
+    if html is not None:
+        from faultloop.study.page import write_html
+
+        write_html(opened, summary, html)
+        written.append(html)
+    if json:
+        print_json(summary | {"written": [str(path) for path in written]})
+    else:
+        print_review(summary, console())
+        for path in written:
+            typer.echo(f"wrote {path}")
+    if rerun is not None:
+        from faultloop.io.rerun_sink import log_to_rerun
+
+        log_to_rerun(opened, rerun)
+    return 0

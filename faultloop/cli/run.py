@@ -1,0 +1,56 @@
+"""``faultloop run``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="What to run.")],
+    log: Annotated[
+        Path | None, typer.Option(metavar="F.mcap", help="The log to write; logs/NAME.mcap where not given.")
+    ] = None,
+    rerun: Annotated[
+        str | None, typer.Option(metavar="spawn|serve|F.rrd|URL", help="Stream to a rerun viewer or file.")
+    ] = None,
+    can: Annotated[
+        str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="The bus, as in socketcan:vcan0.")
+    ] = None,
+    realtime: Annotated[bool, typer.Option("--realtime", help="Run at the pace of the wall clock.")] = False,
+    pace: Annotated[
+        float | None, typer.Option(metavar="X", help="Simulated seconds in one second of wall time.")
+    ] = None,
+    set_: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override: fault.F1.at_pu=0.7.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> int:
+    """Run a scenario closed-loop: faults, estimates, trips over CAN, breakers; everything in a log."""
+    from faultloop.cli.output import console, print_json
+    from faultloop.cli.report import print_result, result_as_dict
+    from faultloop.errors import InputError
+    from faultloop.scenario import load_scenario
+    from faultloop.simulation import run
+
+    if realtime and pace is not None:
+        raise InputError("give either --realtime (which is --pace 1) or --pace X", key="--pace")
+    checked = load_scenario(scenario, set_ or [])
+    path = log if log is not None else Path("logs") / f"{scenario.stem}.mcap"
+    result = run(
+        checked,
+        log=path,
+        rerun=rerun,
+        can=can,
+        pace=1.0 if realtime else pace,
+        progress=not json and console().is_terminal,
+    )
+    if json:
+        print_json(result_as_dict(result))
+    else:
+        print_result(result)
+    if result.interrupted:
+        return 130
+    return 0 if all(e.held for e in result.expectations) else 3
