@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO
 from typing import IO, Any, NamedTuple
 
@@ -21,7 +21,6 @@ from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -42,8 +41,10 @@ LOG_RECORD = "faultloop"  # the metadata record that says where the run's time s
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of what follows
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # then channel, sequence, log time, publish time
 
-COMPRESSORS: dict[str, Callable[[bytes], bytes]] = {
-    "": bytes,
+Buffer = bytes | memoryview  # of single bytes, so that len() counts them
+
+COMPRESSORS: dict[str, Callable[[bytes], bytes] | None] = {
+    "": None,
     "lz4": lz4.frame.compress,
     "zstd": zstandard.ZstdCompressor(level=1).compress,
 }
@@ -77,12 +78,13 @@ class McapFile:
         self._offset = 0
         self._write(MAGIC + record_bytes(Header(profile="", library=LIBRARY)))
 
-    def _write(self, data: bytes) -> int:
-        """Writes and flushes; returns where the data begins."""
+    def _write(self, *parts: Buffer) -> int:
+        """Writes and flushes; returns where the first part begins."""
         start = self._offset
-        self._stream.write(data)
+        for part in parts:
+            self._stream.write(part)
+            self._offset += len(part)
         self._stream.flush()
-        self._offset += len(data)
         return start
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
@@ -133,64 +135,62 @@ class McapFile:
         else:
             self._channels[record.id] = record
 
-    def chunk(self, records: bytes, index: Mapping[int, np.ndarray]) -> None:
+    def chunk(self, parts: Sequence[Buffer], index: Mapping[int, np.ndarray]) -> None:
         """Writes one chunk.
 
         Parameters
         ----------
-        records : complete Message records (and Schema and Channel records, each also given to ``declare``).
-        index : per channel an array (n, 2) of uint64: log time, and offset of the record in ``records``.
+        parts : one after the other, complete Message records (and Schema and Channel records, each also given
+            to ``declare``).
+        index : per channel an array (n, 2) of uint64, n > 0: log time, and offset of the record in the parts.
+            The arrays are the callee's from here on.
         """
         prefix, self._pending = self._pending, b""
-        data = prefix + records
-        times = [
-            (int(entries[:, 0].min()), int(entries[:, 0].max())) for entries in index.values() if len(entries)
-        ]
-        first, last = min(t[0] for t in times), max(t[1] for t in times)
-        compressed = self._compress(data)
-        chunk = record_bytes(
-            Chunk(
-                compression=self._compression,
-                data=compressed,
-                message_start_time=first,
-                message_end_time=last,
-                uncompressed_crc=zlib.crc32(data),
-                uncompressed_size=len(data),
-            )
-        )
-        start = self._write(chunk)
-        offsets, indexes = self._message_indexes(index, len(prefix))
-        self._write(indexes)
+        first = min(int(entries[:, 0].min()) for entries in index.values())
+        last = max(int(entries[:, 0].max()) for entries in index.values())
+        parts, size, crc = [prefix, *parts], 0, 0
+        for part in parts:
+            crc = zlib.crc32(part, crc)
+            size += len(part)
+        if self._compress is not None:  # without compression the parts are written as they are, not copied
+            parts = [self._compress(b"".join(parts))]
+        stored = sum(len(part) for part in parts)
+        text = self._compression.encode()
+        content = struct.pack("<QQQII", first, last, size, crc, len(text)) + text + struct.pack("<Q", stored)
+        head = RECORD_HEAD.pack(Opcode.CHUNK, len(content) + stored) + content
+        start = self._write(head, *parts)
+        begin = self._offset
         self._chunks.append(
             ChunkIndex(
-                chunk_length=len(chunk),
+                chunk_length=begin - start,
                 chunk_start_offset=start,
                 compression=self._compression,
-                compressed_size=len(compressed),
+                compressed_size=stored,
                 message_end_time=last,
-                message_index_length=len(indexes),
-                message_index_offsets=offsets,
+                message_index_offsets=self._write_indexes(index, len(prefix)),
+                message_index_length=self._offset - begin,
                 message_start_time=first,
-                uncompressed_size=len(data),
+                uncompressed_size=size,
             )
         )
         self._span = (
             (first, last) if self._span is None else (min(self._span[0], first), max(self._span[1], last))
         )
 
-    def _message_indexes(self, index: Mapping[int, np.ndarray], shift: int) -> tuple[dict[int, int], bytes]:
-        """The MessageIndex records, and where in the file each begins."""
-        offsets, parts, position = {}, [], self._offset
+    def _write_indexes(self, index: Mapping[int, np.ndarray], shift: int) -> dict[int, int]:
+        """Writes the chunk's MessageIndex records; returns where in the file each begins."""
+        offsets: dict[int, int] = {}
+        parts: list[Buffer] = []
+        position = self._offset
         for channel, entries in index.items():
-            if not len(entries):
-                continue
-            shifted = entries + np.array([0, shift], dtype="<u8")
-            head = struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + shifted.nbytes, channel, shifted.nbytes)
+            entries[:, 1] += np.uint64(shift)
+            head = struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, channel, entries.nbytes)
+            parts += [head, entries.data.cast("B")]
             offsets[channel] = position
-            parts += [head, shifted.tobytes()]
-            position += len(head) + shifted.nbytes
+            position += len(head) + entries.nbytes
             self._counts[channel] = self._counts.get(channel, 0) + len(entries)
-        return offsets, b"".join(parts)
+        self._write(*parts)
+        return offsets
 
     def finish(self) -> None:
         """Writes the summary and the footer.  The stream stays open."""
@@ -233,7 +233,7 @@ class McapFile:
 
 
 class ChunkHead(NamedTuple):
-    """What stands before a chunk's data, which is ``content[start:stop]``; ``size``: its bytes uncompressed."""
+    """What stands before a chunk's data, which is ``content[start:stop]``, and ``size`` bytes in clear."""
 
     first_ns: int
     last_ns: int
@@ -252,7 +252,7 @@ class ChunkHead(NamedTuple):
         return cls(first_ns, last_ns, size, crc, compression, 40 + text, 40 + text + length)
 
 
-def parse(kind: Any, content: bytes | memoryview) -> Any:
+def parse(kind: Any, content: Buffer) -> Any:
     """A record of one of ``mcap.records``' classes from its content."""
     return kind.read(ReadDataStream(BytesIO(content)))
 
@@ -265,7 +265,7 @@ class Raw(NamedTuple):
     stop: int
 
 
-def walk(data: bytes | memoryview, start: int = 0) -> Iterator[Raw]:
+def walk(data: Buffer, start: int = 0) -> Iterator[Raw]:
     """The whole records in ``data`` from ``start`` on; ends before the first that is cut off."""
     size = len(data)
     while start + RECORD_HEAD.size <= size:
@@ -277,7 +277,7 @@ def walk(data: bytes | memoryview, start: int = 0) -> Iterator[Raw]:
         start += length
 
 
-def decompress(compression: str, data: bytes | memoryview, size: int) -> bytes | memoryview:
+def decompress(compression: str, data: Buffer, size: int) -> Buffer:
     """Content of a chunk.  Raises ValueError if it is damaged, of another size, or of unknown compression."""
     try:
         if compression == "":
