@@ -1,0 +1,146 @@
+"""The reference from before the fault: one memory for polarization, phase selection and fault location.
+
+A ring keeps snapshots of the six phasors over the last two cycles.  In quiet the reference is the oldest
+snapshot, turned forward in phase by the measured frequency; at a disturbance it is frozen and goes on
+turning at the frequency from before the fault, so it stays in step with the source off nominal frequency
+too.  The reference holds whatever the system did before - load, unbalance, an open pole - and the change
+against it is what the fault added (superposition).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+
+from faultloop.jit import njit
+
+A = complex(-0.5, math.sqrt(0.75))
+A2 = A.conjugate()
+
+
+@njit(inline="always")
+def size2(z):
+    """|z|^2"""
+    return z.real * z.real + z.imag * z.imag
+
+
+@njit(inline="always")
+def positive_sequence(x):
+    """V1 of six phasors, phase A."""
+    return (x[0] + A * x[1] + A2 * x[2]) / 3
+
+
+@njit
+def differs(c, x, reference):
+    """Whether any phase voltage or current differs from the reference by more than the [phs] pickups."""
+    i1 = (reference[3] + A * reference[4] + A2 * reference[5]) / 3
+    current = max(c.pickup_current**2, c.pickup_current_pu**2 * size2(i1))
+    voltage = max(c.pickup_voltage_pu**2 * size2(positive_sequence(reference)), 1e-2 * c.minimum_voltage**2)
+    for k in range(3):
+        if size2(x[k] - reference[k]) > voltage or size2(x[k + 3] - reference[k + 3]) > current:
+            return True
+    return False
+
+
+@njit
+def fill(c, m, x):
+    """Restart the memory: as if the system had been as it is now for two cycles."""
+    back = m.rotor.conjugate() ** c.snapshot
+    turn = complex(1.0, 0.0)
+    for j in range(c.snapshots):
+        slot = (m.head - j) % c.snapshots
+        for k in range(6):
+            m.ring[slot, k] = x[k] * turn
+        turn *= back
+    m.tick = 0
+    m.frozen = 0
+    m.moving = 0
+    for k in range(6):
+        m.reference[k] = x[k]
+
+
+@njit
+def snapshot(c, m, x, frequency):
+    """Take a snapshot; in quiet, move the reference on to the oldest one."""
+    m.tick = 0
+    m.head = (m.head + 1) % c.snapshots
+    for k in range(6):
+        m.ring[m.head, k] = x[k]
+    m.ring_frequency[m.head] = frequency
+    cycle_ago = (m.head - c.snapshots // 2) % c.snapshots
+    turn = m.rotor ** (c.snapshot * (c.snapshots // 2))
+    before = np.empty(6, np.complex128)
+    for k in range(6):
+        before[k] = m.ring[cycle_ago, k] * turn
+    m.moving = differs(c, x, before)
+    if m.frozen:
+        return
+    oldest = (m.head + 1) % c.snapshots
+    f = m.ring_frequency[oldest]
+    if abs(f - c.frequency) < 0.1 * c.frequency:  # false for NaN
+        m.frequency += 0.1 * (f - m.frequency)
+    step = 2 * math.pi * (m.frequency - c.frequency) / c.sampling
+    m.rotor = cmath.rect(1.0, step)
+    turn = cmath.rect(1.0, step * (c.snapshot * (c.snapshots - 1)))
+    for k in range(6):
+        m.reference[k] = m.ring[oldest, k] * turn
+
+
+@njit
+def establish(c, m, x):
+    """Before the memory is ready: wait for a voltage that stands still for half a cycle."""
+    v1 = positive_sequence(x)
+    alive = size2(v1) > c.minimum_voltage**2
+    if alive and size2(v1 - positive_sequence(m.reference)) < 0.05**2 * size2(v1):
+        m.steady += 1
+    else:
+        m.steady = 0
+        fill(c, m, x)
+    m.ready = m.steady >= c.snapshots // 4
+
+
+@njit
+def remember(c, m, x, frequency):
+    """One sample of the memory.  Returns True while it can be relied on."""
+    m.seen += 1
+    if m.seen <= c.settling:
+        if m.seen == 1:
+            m.frequency = c.frequency
+            m.rotor = complex(1.0, 0.0)
+        if m.seen == c.settling:
+            fill(c, m, x)
+        return False
+    m.tick += 1
+    for k in range(6):
+        m.reference[k] *= m.rotor
+    if m.tick == c.snapshot:
+        snapshot(c, m, x, frequency)
+        if not m.ready:
+            establish(c, m, x)
+        elif not m.frozen and size2(positive_sequence(m.reference)) < c.minimum_voltage**2:
+            m.ready = 0
+            m.steady = 0
+    if m.frozen:
+        m.age += 1
+    return m.ready == 1
+
+
+@njit
+def freeze(m):
+    """A disturbance: keep the reference from before it."""
+    m.frozen = 1
+    m.age = 0
+    m.calm = 0
+
+
+@njit
+def thaw(c, m, x):
+    """End a disturbance that no element needs any more: it went away, or the new state has settled."""
+    if differs(c, x, m.reference):
+        m.calm = 0
+    else:
+        m.calm += 1
+    if m.calm >= c.cycle // 2 or (m.age >= c.hold and not m.moving):
+        fill(c, m, x)

@@ -1,0 +1,231 @@
+"""The relay: estimator, loops, elements, decision, in blocks that stop at an output change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.errors import InputError
+from faultloop.relay import layout
+from faultloop.relay.chain import decide
+from faultloop.relay.characteristics import Polygon, characteristics
+from faultloop.relay.element import OUT, WIDTH, load_elements
+from faultloop.relay.estimators import ROW, Estimator, make_estimator, run_estimator
+from faultloop.relay.events import Event, Outputs, Trip, bit_texts, poles_text
+from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
+from faultloop.relay.settings import RelaySettings
+
+Array = NDArray[np.float64]
+FIRST_CAPACITY = 512
+
+
+@dataclass(frozen=True)
+class RelayInputs:
+    """Binary inputs: mask of closed poles as the breaker reports them, and the received pilot bits."""
+
+    breaker_closed: int = 7
+    pilot: int = 0
+
+
+class Relay:
+    """A distance relay that runs over blocks of samples.
+
+    Parameters
+    ----------
+    settings : validated settings.
+    name : for messages.
+    estimator : in place of the one that the settings name.
+
+    Attributes
+    ----------
+    inputs : `RelayInputs`, constant during a block.
+    bits : name of each bit of ``pickup`` and ``operate``: bit i of pickup is ``<bits[i]>.Str``, of operate
+        ``<bits[i]>.Op`` (``PTRC1.Tr``); a name with a dot (``RDIR1.DirFwd``, ``PHS1.AG``) is whole.
+    phasors (m, 14), loops (m, 12), pickup (m,) uint64, operate (m,) uint64 : of the last `advance`, and
+        overwritten by the next.
+    events : of the last `advance`.
+    """
+
+    def __init__(
+        self, settings: RelaySettings, name: str = "R1", *, estimator: Estimator | None = None
+    ) -> None:
+        self.settings = settings
+        self.name = name
+        self.inputs = RelayInputs()
+        self.estimator = estimator or _estimator(settings)
+        self._elements = load_elements(settings)
+        self._constants = layout.constants(settings, self.estimator.settling_samples)
+        self._zones = layout.zones(settings)
+        self._state = layout.initial_state()
+        self._measure_constants, self._measure_state = _measuring(settings, self._constants[0])
+        self._estimator_state = self.estimator.state.copy()
+        self.bits = self._bits()
+        self.events: list[Event] = []
+        self.sample_count = 0
+        self._last_words = (0, 0)
+        self._trips = 0
+        self._located = True
+        self._reserve(FIRST_CAPACITY)
+        self.phasors, self.loops = self._phasors[:0], self._loops[:0]
+        self.pickup, self.operate = self._words[:0, 0], self._words[:0, 1]
+
+    @property
+    def outputs(self) -> Outputs:
+        """The outputs at the last sample done."""
+        trip = self._state["trip"][0]
+        return Outputs(trip_poles=int(trip["poles"]), pilot=int(trip["pilot"]))
+
+    @property
+    def fault_location(self) -> float:
+        """Distance of the last tripped fault, per unit of the line; NaN where there is none."""
+        return float(self._state["location"]["value"][0]) if self._trips else float("nan")
+
+    def characteristics(self) -> dict[str, tuple[Polygon, Polygon]]:
+        """Per zone the closed polygons of ground and phase loops, (k, 2), primary ohm, for the R-X plane."""
+        return characteristics(self.settings)
+
+    def advance(self, samples: Array) -> int:
+        """Run over ``samples`` (n, 6), volts and amperes primary, instantaneous.
+
+        Stops after the first sample at which an output changed and returns the number m of samples done,
+        1 <= m <= n.  The results do not depend on how the samples are cut into blocks.
+        """
+        if samples.ndim != 2 or samples.shape[1] != 6 or len(samples) == 0:
+            raise ValueError(f"samples must be (n, 6) with n >= 1, not {samples.shape}")
+        samples = np.ascontiguousarray(samples, np.float64)
+        self._reserve(len(samples))
+        self._state["closed"] = self.inputs.breaker_closed
+        before = self._save_ahead()
+        done = self._run(samples)
+        if done < len(samples):  # what runs ahead of the decision goes back and follows it
+            self._restore_ahead(before)
+            self._measure(samples[:done])
+        self.phasors, self.loops = self._phasors[:done], self._loops[:done]
+        self.pickup, self.operate = self._words[:done, 0], self._words[:done, 1]
+        self._tell(done)
+        self.sample_count += done
+        return done
+
+    def save(self) -> Any:
+        """Everything that changes while it runs."""
+        rest = (self.sample_count, self._last_words, self._trips, self._located, self.inputs)
+        return (self._state.copy(), self._save_ahead(), rest)
+
+    def restore(self, state: Any) -> None:
+        """Go back to what `save` gave; the same samples then give the same bits."""
+        self._state[:] = state[0]
+        self._restore_ahead(state[1])
+        self.sample_count, self._last_words, self._trips, self._located, self.inputs = state[2]
+
+    def _save_ahead(self) -> tuple[Array, NDArray[np.void], list[Array]]:
+        return (
+            self._estimator_state.copy(),
+            self._measure_state.copy(),
+            [element.state.copy() for element in self._elements],
+        )
+
+    def _restore_ahead(self, state: tuple[Array, NDArray[np.void], list[Array]]) -> None:
+        self._estimator_state[:] = state[0]
+        self._measure_state[:] = state[1]
+        for element, array in zip(self._elements, state[2], strict=True):
+            element.state[:] = array
+
+    def _run(self, samples: Array) -> int:
+        self._measure(samples)
+        n = len(samples)
+        return decide(
+            self._constants, self._zones, self._state, self._phasors[:n], self._users[:n], self._words[:n]
+        )
+
+    def _measure(self, samples: Array) -> None:
+        n = len(samples)
+        phasors, loops = self._phasors[:n], self._loops[:n]
+        run_estimator(self.estimator.step, self._estimator_state, samples, phasors)
+        measure(self._measure_constants, self._measure_state, phasors, loops)
+        if self._elements:
+            rows = np.hstack([phasors, loops])
+            for k, element in enumerate(self._elements):
+                out = np.zeros((n, OUT))
+                element.run(rows, out)
+                self._users[:n, k] = out
+
+    def _reserve(self, n: int) -> None:
+        if n <= getattr(self, "_capacity", 0):
+            return
+        self._capacity = n
+        self._phasors = np.zeros((n, ROW))
+        self._loops = np.zeros((n, WIDTH - ROW))
+        self._users = np.zeros((n, len(self._elements), OUT))
+        self._words = np.zeros((n, 2), np.uint64)
+
+    def _bits(self) -> tuple[str, ...]:
+        zones = [f"PDIS{k + 1}" for k in range(len(self._zones))]
+        directions = ["RDIR1.DirFwd", "RDIR1.DirRev"]
+        loops = [f"PHS1.{loop}" for loop in layout.LOOPS]
+        return (*zones, *directions, *loops, "PTRC1", *(element.name for element in self._elements))
+
+    def _tell(self, done: int) -> None:
+        """Events of the samples just done: where a bit changed, and the trip."""
+        self.events = []
+        words = self._words[:done]
+        last = np.array(self._last_words, np.uint64)
+        if done == 1 or not (np.array_equal(words[0], last) and np.array_equal(words[1:], words[:-1])):
+            changed = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
+            for n in np.flatnonzero(changed):
+                now = (int(words[n, 0]), int(words[n, 1]))
+                for text in bit_texts(self.bits, len(self._zones), self._last_words, now):
+                    self.events.append(Event(self.sample_count + int(n), "info", text))
+                self._last_words = now
+        self._tell_trip(self.sample_count + done - 1)
+
+    def _tell_trip(self, sample: int) -> None:
+        trip = self._state["trip"][0]
+        if trip["count"] != self._trips:
+            self._trips = int(trip["count"])
+            self._located = False
+            data = self._trip(trip)
+            text = f"PTRC1 Tr poles {poles_text(data.poles)} zone {data.zone} loop {data.loop}"
+            self.events.append(Event(sample, "warning", text, data))
+        elif not self._located and trip["poles"] == 0:
+            self._located = True
+            self.events.append(Event(sample, "info", "PTRC1 Tr reset"))
+            if not np.isnan(self.fault_location):
+                self.events.append(Event(sample, "info", self._location_text()))
+
+    def _trip(self, trip: Any) -> Trip:
+        loop = layout.FAULTS[int(trip["fault"])]
+        index, poles = int(trip["zone"]), int(trip["poles"])
+        if index < 0:
+            return Trip(self._elements[-1 - index].name, 0, loop, poles)
+        return Trip(f"PDIS{index + 1}", int(self._zones["zone"][index]), loop, poles)
+
+    def _location_text(self) -> str:
+        part = self.fault_location
+        loop = layout.FAULTS[int(self._state["location"]["fault"][0])]
+        length = self.settings.line.length_km
+        km = "" if length is None else f", {part * length:.1f} km"
+        return f"RFLO1 fault {loop} at {part:.3f} of the line{km}"
+
+
+def _estimator(settings: RelaySettings) -> Estimator:
+    wanted = settings.estimator
+    try:
+        return make_estimator(
+            wanted.method, settings.relay.sampling_hz, float(settings.relay.frequency_hz), **wanted.parameters
+        )
+    except InputError as error:
+        key = "relay.sampling_hz" if error.key == "sampling_hz" else f"estimator.{error.key or 'method'}"
+        raise InputError(error.what, file=settings.path, key=key) from error
+
+
+def _measuring(settings: RelaySettings, c: np.void) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    constants = np.zeros(1, MEASURE_CONSTANTS)
+    constants["k0"] = settings.residual_compensation_factor
+    for key in ("minimum_current", "minimum_voltage", "frequency", "snapshot", "settling"):
+        constants[key] = c[key]
+    constants["interval"] = c["snapshot"] / c["sampling"]
+    constants["snapshots"] = max(round(c["cycle"] / c["snapshot"]), 1)
+    return constants, np.zeros(1, MEASURE_STATE)
