@@ -1,7 +1,7 @@
 """The nodes on the bus: a relay and a breaker, each with nothing but frames and its own clock.
 
-A node takes frames (`receive`) and gives frames (`poll`, due at `next_ns`); it shares no memory with the other
-nodes, and it does not know whether the bus is simulated or real.
+A node takes frames (`receive`) and gives frames (`poll`, due at `next_ns`); it shares no memory with the
+other nodes, and it does not know whether the bus is simulated or real.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ class RelayNode:
             (Page.FREQUENCY, (frequency, rocof, location)),
         )
         messages = [
-            Measurements(self.number, page, v, (self._counter + i) & 0xFF) for i, (page, v) in enumerate(pages)
+            Measurements(self.number, page, v, (self._counter + i) & 0xFF)
+            for i, (page, v) in enumerate(pages)
         ]
         self._counter = (self._counter + len(pages)) & 0xFF
         return messages

@@ -13,8 +13,8 @@ from faultloop.errors import InputError
 
 app = typer.Typer(
     name="faultloop",
-    help="IEC-style protection relay simulator: EMT plant, distance relay, trips over CAN, every sample in MCAP.",
-    epilog="Exit status: 0 done, 2 the input is wrong, 3 an expectation did not hold or a difference was found, "
+    help="IEC-style protection relay simulator: EMT plant, distance relay, trips over CAN, logs in MCAP.",
+    epilog="Exit status: 0 done, 2 the input is wrong, 3 an expectation did not hold or logs differ, "
     "130 interrupted.",
     no_args_is_help=True,
     add_completion=False,
@@ -36,7 +36,7 @@ def _version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
-    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Print the version."),
+    version: bool = typer.Option(False, "--version", callback=_version, is_eager=True, help="Its version."),
 ) -> None:
     pass
 

@@ -41,6 +41,8 @@ def command(
         out = console()
         out.print(str(result))
         if result.fields:
-            rows = [(f.field, f.count, f"{f.first_t_ns / 1e9:.6f}", f"{f.largest:.6g}") for f in result.fields]
+            rows = [
+                (f.field, f.count, f"{f.first_t_ns / 1e9:.6f}", f"{f.largest:.6g}") for f in result.fields
+            ]
             out.print(table("Differing fields", ["field", ">messages", ">first at s", ">largest"], rows))
     return 3 if result else 0

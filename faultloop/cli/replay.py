@@ -21,7 +21,7 @@ def command(
         ),
     ] = None,
     log: Annotated[
-        Path | None, typer.Option(metavar="F.mcap", help="The log to write; logs/RECORD-replay.mcap by default.")
+        Path | None, typer.Option(metavar="F.mcap", help="The log to write; default logs/RECORD-replay.mcap.")
     ] = None,
     rerun: Annotated[
         str | None, typer.Option(metavar="spawn|serve|F.rrd|URL", help="Stream to a rerun viewer or file.")

@@ -1,0 +1,59 @@
+"""IEC-style protection relay simulator: EMT plant, distance relay, trips over CAN, every sample in MCAP.
+
+>>> import faultloop
+>>> result = faultloop.run("scenarios/ag-zone1.toml")
+>>> [trip.loop for trip in result.trips]
+['AG', 'AG']
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from faultloop.errors import InputError
+    from faultloop.io.mcap_reader import Log, open_log
+    from faultloop.relay.settings import RelaySettings, load_settings
+    from faultloop.result import Result
+    from faultloop.scenario import Scenario, load_scenario
+    from faultloop.simulation import run
+    from faultloop.study.replay import replay
+
+# Loaded on first use: numba and numpy take most of a second, and `faultloop --help` needs neither.
+_PLACES = {
+    "InputError": "faultloop.errors",
+    "Log": "faultloop.io.mcap_reader",
+    "open_log": "faultloop.io.mcap_reader",
+    "RelaySettings": "faultloop.relay.settings",
+    "load_settings": "faultloop.relay.settings",
+    "Result": "faultloop.result",
+    "Scenario": "faultloop.scenario",
+    "load_scenario": "faultloop.scenario",
+    "run": "faultloop.simulation",
+    "replay": "faultloop.study.replay",
+}
+
+__all__ = [
+    "InputError",
+    "Log",
+    "RelaySettings",
+    "Result",
+    "Scenario",
+    "load_scenario",
+    "load_settings",
+    "open_log",
+    "replay",
+    "run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'faultloop' has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_PLACES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

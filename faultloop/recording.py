@@ -1,0 +1,111 @@
+"""Where a run's samples, estimates and messages go: an MCAP log, a rerun stream, memory, or all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from faultloop.io.messages import ELEMENTS, LOOP_IMPEDANCES, PHASORS, SAMPLED_VALUES, array_dtype, values
+
+Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+
+class Sink(Protocol):
+    """What a run writes to (`faultloop.io.mcap_writer.LogWriter`, `faultloop.io.rerun_sink.RerunSink`)."""
+
+    def add_relay(
+        self, name: str, bits: Sequence[str], characteristics: Characteristics | None = None
+    ) -> None: ...
+
+    def relay_block(
+        self,
+        name: str,
+        t_ns: np.ndarray,
+        sample_count: np.ndarray,
+        samples: np.ndarray,
+        phasors: np.ndarray,
+        loops: np.ndarray,
+        pickup: np.ndarray,
+        operate: np.ndarray,
+    ) -> None: ...
+
+    def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None: ...
+
+    def close(self) -> object: ...
+
+    def abort(self) -> object: ...
+
+
+class MemorySink:
+    """Keeps the blocks, for `Result.samples()` and its like where there is no log to read them from."""
+
+    def __init__(self) -> None:
+        self._blocks: dict[str, list[tuple[np.ndarray, ...]]] = {}
+
+    def add_relay(
+        self, name: str, bits: Sequence[str], characteristics: Characteristics | None = None
+    ) -> None:
+        self._blocks[name] = []
+
+    def relay_block(self, name: str, *arrays: np.ndarray) -> None:
+        self._blocks[name].append(tuple(np.array(a) for a in arrays))
+
+    def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def abort(self) -> None:
+        pass
+
+    def array(self, name: str, what: str) -> np.ndarray:
+        """As `faultloop.open_log` gives it: ``what`` is samples, phasors, loops or elements."""
+        kinds = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
+        message = dict(zip(("samples", "phasors", "loops", "elements"), kinds, strict=True))[what]
+        blocks = self._blocks[name]
+        columns = [np.concatenate(column) for column in zip(*blocks, strict=True)]
+        rows = np.empty(len(columns[0]), array_dtype(message))
+        rows["t_ns"] = columns[0]
+        if what == "samples":
+            rows["sample_count"] = columns[1]
+        if what == "elements":
+            rows["pickup"], rows["operate"] = columns[5:]
+        else:
+            values(rows)[:] = columns[{"samples": 2, "phasors": 3, "loops": 4}[what]]
+        return rows
+
+
+class Recorder:
+    """The sinks as one; a level is "info", "warning" or "error"."""
+
+    _LEVELS: Mapping[str, int] = {"debug": 1, "info": 2, "warning": 3, "error": 4}
+
+    def __init__(self, sinks: Sequence[Sink]) -> None:
+        self.sinks = list(sinks)
+
+    def add_relay(self, name: str, bits: Sequence[str], characteristics: Characteristics) -> None:
+        for sink in self.sinks:
+            sink.add_relay(name, bits, characteristics)
+
+    def relay_block(self, name: str, *arrays: np.ndarray) -> None:
+        for sink in self.sinks:
+            sink.relay_block(name, *arrays)
+
+    def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
+        for sink in self.sinks:
+            sink.message(topic, t_ns, message_name, **fields)
+
+    def event(self, topic: str, t_ns: int, level: str, text: str, name: str) -> None:
+        """A line that a person reads."""
+        self.message(topic, t_ns, "foxglove.Log", level=self._LEVELS[level], message=text, name=name)
+
+    def close(self) -> None:
+        for sink in self.sinks:
+            sink.close()
+
+    def abort(self) -> None:
+        for sink in self.sinks:
+            sink.abort()

@@ -1,0 +1,184 @@
+"""What a run ends with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from faultloop.io.messages import POLES
+from faultloop.recording import MemorySink
+from faultloop.scenario import Expect, Scenario
+
+
+def pole_names(mask: int) -> str:
+    """A mask of poles as a person writes it: ``A``, ``BC``, ``ABC``."""
+    return "".join(pole for bit, pole in enumerate(POLES) if mask >> bit & 1)
+
+
+@dataclass
+class TripReport:
+    """One trip: decided by the relay at `t_ns`, received by its breaker at `received_ns` (None: never)."""
+
+    relay: str
+    function: str
+    zone: int
+    loop: str
+    poles: int
+    """Mask: A = 1, B = 2, C = 4."""
+    sample_count: int
+    t_ns: int
+    breaker: str | None
+    received_ns: int | None = None
+    opened_ns: int | None = None
+    """When the last commanded pole was open."""
+
+    @property
+    def pole_names(self) -> str:
+        return pole_names(self.poles)
+
+
+@dataclass(frozen=True)
+class FaultChange:
+    """A fault applied or removed, as the plant did it."""
+
+    fault: str
+    type: str
+    on: bool
+    t_ns: int
+
+
+@dataclass(frozen=True)
+class EventText:
+    """A line of the event list."""
+
+    t_ns: int
+    source: str
+    level: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """An `[[expect]]` of the scenario, and whether it held."""
+
+    expect: Expect
+    held: bool
+    why: str
+
+
+@dataclass
+class Result:
+    """What happened in a run.
+
+    Attributes
+    ----------
+    trips, faults, events : in order of time.
+    expectations : one verdict for each `[[expect]]`.
+    log : path of the MCAP log, None if none was written.
+    simulated_s, wall_s : how much time was simulated, and how long that took, compilation included.
+    bus_load : part of the time in which the bus was busy, 0 to 1; None on a real bus.
+    fault_locations : by relay, per unit of the line, NaN where none was found.
+    interrupted : ended by Ctrl-C before its time; the log is whole.
+    """
+
+    scenario: Scenario
+    trips: list[TripReport]
+    faults: list[FaultChange]
+    events: list[EventText]
+    expectations: list[Verdict]
+    log: Path | None
+    simulated_s: float
+    wall_s: float
+    can_frames: int
+    bus_load: float | None
+    fault_locations: dict[str, float]
+    interrupted: bool = False
+    memory: MemorySink | None = field(default=None, repr=False)
+
+    @property
+    def held(self) -> bool:
+        """All expectations held."""
+        return all(verdict.held for verdict in self.expectations)
+
+    @property
+    def fault_start_ns(self) -> int | None:
+        """When the first fault was applied."""
+        return next((change.t_ns for change in self.faults if change.on), None)
+
+    def samples(self, relay: str | None = None) -> np.ndarray:
+        """Sampled values (n,): t_ns, sample_count, va vb vc [V], ia ib ic [A]; by default the first relay's."""
+        return self._array("samples", relay)
+
+    def phasors(self, relay: str | None = None) -> np.ndarray:
+        """Phasors (n,): t_ns, va_re ... ic_im [V, A RMS], frequency_hz, rocof_hz_per_s."""
+        return self._array("phasors", relay)
+
+    def loops(self, relay: str | None = None) -> np.ndarray:
+        """Loop impedances (n,): t_ns, ag_r ... ca_x [ohm, primary]."""
+        return self._array("loops", relay)
+
+    def elements(self, relay: str | None = None) -> np.ndarray:
+        """Element bit sets (n,): t_ns, pickup, operate."""
+        return self._array("elements", relay)
+
+    def _array(self, what: str, relay: str | None) -> np.ndarray:
+        names = [place.name for place in self.scenario.relay]
+        name = names[0] if relay is None and names else relay
+        if name not in names or name is None:
+            raise KeyError(f"no relay {name!r}; relays: {', '.join(names) or 'none'}")
+        if self.memory is not None:
+            return self.memory.array(name, what)
+        if self.log is None:
+            raise ValueError("nothing was kept: run with log=PATH or keep=True")
+        from faultloop.io.mcap_reader import open_log
+
+        return getattr(open_log(self.log), what)(name)
+
+
+def judge(expect: Expect, trips: list[TripReport], fault_ns: int | None) -> Verdict:
+    """Whether an expectation held.  A trip's time is when the breaker received it, from the fault's start."""
+    own = [trip for trip in trips if trip.relay == expect.relay]
+    if not expect.trip:
+        if not own:
+            return Verdict(expect, True, "no trip")
+        return Verdict(expect, False, f"tripped: {_told(own[0], fault_ns)}")
+    if not own:
+        return Verdict(expect, False, "no trip")
+    objections = []
+    for trip in own:
+        objection = _objection(expect, trip, fault_ns)
+        if objection is None:
+            return Verdict(expect, True, _told(trip, fault_ns))
+        objections.append(f"{objection} ({_told(trip, fault_ns)})")
+    return Verdict(expect, False, "; ".join(objections))
+
+
+def _objection(expect: Expect, trip: TripReport, fault_ns: int | None) -> str | None:
+    for key in ("function", "zone", "loop"):
+        wanted, got = getattr(expect, key), getattr(trip, key)
+        if wanted is not None and wanted != got:
+            return f"{key} {got or 'none'}, not {wanted}"
+    if expect.poles is not None and expect.poles != trip.pole_names:
+        return f"poles {trip.pole_names}, not {expect.poles}"
+    after = delay_ms(trip, fault_ns)
+    if after is None:
+        timed = expect.within_ms is not None or expect.after_ms is not None
+        return "its breaker did not receive it" if timed else None
+    if expect.within_ms is not None and after > expect.within_ms:
+        return f"after {after:.1f} ms, not within {expect.within_ms:g} ms"
+    if expect.after_ms is not None and after < expect.after_ms:
+        return f"after {after:.1f} ms, before {expect.after_ms:g} ms"
+    return None
+
+
+def delay_ms(trip: TripReport, fault_ns: int | None) -> float | None:
+    """From the fault's start (the run's, if there is none) to the breaker's receiving the trip."""
+    return None if trip.received_ns is None else (trip.received_ns - (fault_ns or 0)) / 1e6
+
+
+def _told(trip: TripReport, fault_ns: int | None) -> str:
+    after = delay_ms(trip, fault_ns)
+    when = "not received by a breaker" if after is None else f"{after:.1f} ms"
+    return f"{trip.function} {trip.loop} poles {trip.pole_names} {when}"

@@ -1,0 +1,472 @@
+"""The closed loop: one clock, plant, relays, bus, breakers, recorder.
+
+Causality is exact: no frame acts before it has arrived. Plant and relays run ahead in blocks, and a block is
+cut back to the first sample at which anything changed that another part can hear of: a relay's output, a
+breaker's pole, a fault. So Python is paid per change and not per sample, and the result is the same, bit for
+bit, as sample by sample.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from faultloop.errors import InputError
+from faultloop.io.can.dbc import DBC_PATH
+from faultloop.io.can.table import Kind
+from faultloop.io.can.transport import Transport, open_transport
+from faultloop.nodes import FOREVER, BreakerNode, Command, RelayNode
+from faultloop.plant import Plant
+from faultloop.recording import MemorySink, Recorder, Sink
+from faultloop.relay import Relay, RelayInputs, RelaySettings, Trip, load_settings
+from faultloop.result import EventText, FaultChange, Result, TripReport, judge, pole_names
+from faultloop.scenario import RelayPlace, Scenario, load_scenario
+
+SECOND_NS = 1_000_000_000
+BLOCK = 240
+"""Samples that plant and relays run ahead at most."""
+
+PLANT_EVENTS = "/plant/events"
+
+
+class Simulation:
+    """One run of a scenario.
+
+    Parameters
+    ----------
+    scenario : validated.
+    relays : the relays, in the order of `scenario.relay`.
+    recorder : gets everything.
+    bus : carries the frames.
+    pace : simulated seconds per second of wall time; None runs as fast as it can.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        relays: Mapping[str, Relay],
+        recorder: Recorder,
+        bus: Transport,
+        pace: float | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.plant = Plant(scenario)
+        self.relays = [relays[place.name] for place in scenario.relay]
+        self.recorder = recorder
+        self.bus = bus
+        self.sampling_hz = self.plant.sampling_hz
+        self.total = -(-round(scenario.scenario.duration_s * 1e9) * self.sampling_hz // SECOND_NS)
+        self.trips: list[TripReport] = []
+        self.faults: list[FaultChange] = []
+        self.events: list[EventText] = []
+        self.commands: list[tuple[str, Command]] = []
+        self._breaker_names = [b.name for b in scenario.breaker]
+        self._relay_nodes = [self._relay_node(i, place) for i, place in enumerate(scenario.relay)]
+        self._breaker_nodes = [self._breaker_node(i) for i in range(len(scenario.breaker))]
+        self._nodes = (*self._relay_nodes, *self._breaker_nodes)
+        self._senders = (*(place.name for place in scenario.relay), *self._breaker_names)
+        self.can_frames = 0
+        self.interrupted = False
+        self._pace = pace
+        # In real time a block must not keep anybody waiting; in simulated time it may be long.
+        self._block = BLOCK if pace is None else max(1, self.sampling_hz // 1000)
+
+    # -- who is on the bus ----------------------------------------------------------------------------------
+
+    def _relay_node(self, number: int, place: RelayPlace) -> RelayNode:
+        partners = [
+            i
+            for i, other in enumerate(self.scenario.relay)
+            if other.line == place.line and other.end != place.end
+        ]
+        breaker = None if place.breaker is None else self._breaker_names.index(place.breaker)
+        can = self.scenario.can
+        return RelayNode(number, breaker, partners, can.heartbeat_s, can.measurements_hz)
+
+    def _breaker_node(self, number: int) -> BreakerNode:
+        name = self._breaker_names[number]
+        relays = [i for i, place in enumerate(self.scenario.relay) if place.breaker == name]
+
+        def report(t_ns: int, level: str, text: str) -> None:
+            self._event(t_ns, name, level, text, f"/breaker/{name}/events")
+
+        closed = self.plant.closed(number)
+        return BreakerNode(number, relays, closed, self.scenario.can.heartbeat_s, report)
+
+    # -- the clock ------------------------------------------------------------------------------------------
+
+    def _sample_ns(self, k: int) -> int:
+        return k * SECOND_NS // self.sampling_hz
+
+    def _first_sample_from(self, t_ns: int) -> int:
+        """Number of the first sample that is not before `t_ns`."""
+        k = t_ns * self.sampling_hz // SECOND_NS
+        while self._sample_ns(k) < t_ns:
+            k += 1
+        return k
+
+    def run(self, progress: Callable[[float], None] | None = None) -> None:
+        """From the first sample to the last."""
+        self._begin()
+        started = time.monotonic()
+        k = 0
+        while k < self.total and not self.interrupted:
+            t_ns = self._sample_ns(k)
+            self._serve_bus(t_ns)
+            horizon = self._next_ns()
+            n = min(self._block, self.total - k)
+            if horizon < self._sample_ns(k + n):
+                n = max(1, self._first_sample_from(horizon) - k)
+            k += self._advance(k, n)
+            if progress is not None:
+                progress(k / self.total)
+            if self._pace is not None:
+                ahead = self._sample_ns(k) / 1e9 / self._pace - (time.monotonic() - started)
+                if ahead > 0:
+                    time.sleep(ahead)
+        self._serve_bus(self._sample_ns(k))
+        self.simulated_ns = self._sample_ns(k)
+
+    def _begin(self) -> None:
+        for place, relay in zip(self.scenario.relay, self.relays, strict=True):
+            self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
+        for note in self.plant.notes:
+            self._event(0, "plant", "info", note, PLANT_EVENTS)
+        for number in range(len(self._breaker_nodes)):
+            self._record_breaker(0, number, self.plant.closed(number), "")
+
+    def _next_ns(self) -> int:
+        """When something on the bus may act or must be sent; no block may pass it."""
+        acting = self.bus.next_event_ns() if self._acting_frame_pending() else None
+        due = self._next_poll_ns()
+        return due if acting is None else min(acting, due)
+
+    def _acting_frame_pending(self) -> bool:
+        """Measurements and heartbeats act on nobody: a block need not stop for their arrival."""
+        return any(frame.id < Kind.SAMPLED_VALUES for frame in self.bus.pending())
+
+    # -- one block ------------------------------------------------------------------------------------------
+
+    def _advance(self, k: int, n: int) -> int:
+        """Run plant and relays over up to `n` samples from sample `k`; returns how many were run."""
+        plant = self.plant
+        plant_before = plant.save()
+        relays_before = [relay.save() for relay in self.relays]
+        produced = done = plant.advance(n)
+        reached = []
+        for i, relay in enumerate(self.relays):
+            done = relay.advance(plant.samples[:done, i])
+            reached.append(done)
+        # Whoever ran past the first change goes back and stops with it.
+        for i, (relay, m) in enumerate(zip(self.relays, reached, strict=True)):
+            if m > done:
+                relay.restore(relays_before[i])
+                relay.advance(plant.samples[:done, i])
+        if produced > done:
+            plant.restore(plant_before)
+            plant.advance(done)
+        self._record_samples(k, done)
+        self._record_plant()
+        self._record_relays(self._sample_ns(k + done - 1), done)
+        return done
+
+    def _record_samples(self, k: int, m: int) -> None:
+        counts = np.arange(k, k + m)
+        t_ns = counts * SECOND_NS // self.sampling_hz
+        for i, (place, relay) in enumerate(zip(self.scenario.relay, self.relays, strict=True)):
+            self.recorder.relay_block(
+                place.name,
+                t_ns,
+                counts,
+                self.plant.samples[:m, i],
+                relay.phasors[:m],
+                relay.loops[:m],
+                relay.pickup[:m],
+                relay.operate[:m],
+            )
+
+    def _record_plant(self) -> None:
+        """Poles and faults that the block changed."""
+        for change in self.plant.changes:
+            if change.kind == "pole":
+                self._record_breaker(change.t_ns, change.index, change.value, "")
+                self._breaker_nodes[change.index].set(change.t_ns, change.value)
+                self._note_opening(change.index, change.t_ns, change.value)
+            else:
+                fault = self.scenario.fault[change.index]
+                on = bool(change.value)
+                self.faults.append(FaultChange(fault.name, fault.type, on, change.t_ns))
+                self.recorder.message(
+                    "/plant/faults", change.t_ns, "FaultState", fault=change.index, on=on, type=fault.type
+                )
+                text = f"fault {fault.name} {fault.type} {'applied' if on else 'gone'}"
+                self._event(change.t_ns, "plant", "info", text, PLANT_EVENTS)
+
+    def _record_relays(self, t_ns: int, m: int) -> None:
+        """Events, trips and outputs of the relays' last block, which ends at `t_ns`."""
+        for place, relay, node in zip(self.scenario.relay, self.relays, self._relay_nodes, strict=True):
+            for event in relay.events:
+                at_ns = self._sample_ns(event.sample_count)
+                self._event(at_ns, place.name, event.level, event.text, f"/relay/{place.name}/events")
+                if event.trip is not None:
+                    self._record_trip(at_ns, place, event.sample_count, event.trip)
+            outputs = relay.outputs
+            node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
+            node.measured[:14] = relay.phasors[m - 1]
+            node.measured[14] = relay.fault_location
+
+    def _record_trip(self, t_ns: int, place: RelayPlace, sample_count: int, trip: Trip) -> None:
+        self.trips.append(
+            TripReport(
+                place.name, trip.function, trip.zone, trip.loop, trip.poles, sample_count, t_ns, place.breaker
+            )
+        )
+        self.recorder.message(
+            f"/relay/{place.name}/trips",
+            t_ns,
+            "Trip",
+            function=trip.function,
+            zone=trip.zone,
+            loop=trip.loop,
+            poles=trip.poles,
+            sample_count=sample_count,
+        )
+
+    def _record_breaker(self, t_ns: int, number: int, closed: int, command: str) -> None:
+        poles = {f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")}
+        name = self._breaker_names[number]
+        self.recorder.message(f"/breaker/{name}", t_ns, "BreakerStatus", command=command, **poles)
+
+    def _note_opening(self, number: int, t_ns: int, closed: int) -> None:
+        for trip in self.trips:
+            waiting = trip.received_ns is not None and trip.opened_ns is None
+            if waiting and trip.breaker == self._breaker_names[number] and not closed & trip.poles:
+                trip.opened_ns = t_ns
+
+    def _event(self, t_ns: int, source: str, level: str, text: str, topic: str) -> None:
+        self.events.append(EventText(t_ns, source, level, text))
+        self.recorder.event(topic, t_ns, level, text, source)
+
+    # -- the bus --------------------------------------------------------------------------------------------
+
+    def _next_poll_ns(self) -> int:
+        return min((node.next_ns for node in self._nodes), default=FOREVER)
+
+    def _serve_bus(self, t_ns: int) -> None:
+        """Send what is due and deliver what arrives, in order of time, up to and including `t_ns`."""
+        while True:
+            arrival = self.bus.next_event_ns()
+            now = min(self._next_poll_ns(), FOREVER if arrival is None else arrival)
+            if now > t_ns:
+                break
+            self._deliver(now)
+            for node, sender in zip(self._nodes, self._senders, strict=True):
+                for frame in node.poll(now):
+                    self.bus.submit(now, frame, sender)
+        self._deliver(t_ns)
+
+    def _deliver(self, until_ns: int) -> None:
+        for t_ns, frame, sender in self.bus.advance(until_ns):
+            self.can_frames += 1
+            self.recorder.message(
+                "/can",
+                t_ns,
+                "CanFrame",
+                id=frame.id,
+                data=frame.data,
+                extended=frame.extended,
+                fd=frame.fd,
+                direction="tx" if sender in self._senders else "rx",
+                sender=str(sender or ""),
+            )
+            for node, relay in zip(self._relay_nodes, self.relays, strict=True):
+                if node.receive(t_ns, frame):
+                    relay.inputs = RelayInputs(node.breaker_closed, node.pilot_received)
+            for number, node in enumerate(self._breaker_nodes):
+                command = node.receive(t_ns, frame)
+                if command is not None:
+                    self._obey(number, command)
+
+    def _obey(self, number: int, command: Command) -> None:
+        """A breaker acts on an accepted command; this is the time that a trip's report states."""
+        name = self._breaker_names[number]
+        self.plant.command(number, command.operation, command.poles, command.t_ns)
+        self._record_breaker(command.t_ns, number, self.plant.closed(number), command.operation)
+        relay = self.scenario.relay[command.relay].name
+        text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
+        self._event(command.t_ns, name, "info", text, f"/breaker/{name}/events")
+        if command.operation == "open":
+            for trip in self.trips:
+                if trip.relay == relay and trip.received_ns is None:
+                    trip.received_ns = command.t_ns
+
+
+def run(
+    scenario: Scenario | Path | str,
+    *,
+    log: Path | str | None = None,
+    rerun: str | None = None,
+    can: str | None = None,
+    pace: float | None = None,
+    overrides: Sequence[str] = (),
+    keep: bool | None = None,
+    sinks: Sequence[Sink] = (),
+    progress: Callable[[float], None] | None = None,
+) -> Result:
+    """Run a scenario closed-loop.
+
+    Parameters
+    ----------
+    scenario : a file, or a `Scenario`.
+    log : the MCAP log to write; none if not given.
+    rerun : ``"spawn"``, ``"serve"``, a file ``F.rrd`` or the URL of a viewer.
+    can : ``"INTERFACE:CHANNEL"`` in place of the scenario's, as in ``"socketcan:vcan0"``.
+    pace : simulated seconds per second of wall time; None: as fast as it can.
+    overrides : ``"fault.F1.at_pu=0.7"`` and the like; only with a file.
+    keep : keep samples and estimates in memory, for `Result.samples`; by default where there is no log.
+    sinks : more places to write to.
+    progress : called with the part done, 0 to 1.
+
+    Raises
+    ------
+    InputError : something in the scenario, the settings or the arguments is wrong; nothing has been written.
+    """
+    if not isinstance(scenario, Scenario):
+        scenario = load_scenario(scenario, overrides)
+    elif overrides:
+        raise InputError("overrides need the scenario's file, not a Scenario", key="overrides")
+    if pace is not None and not pace > 0:
+        raise InputError(f"must be greater than 0, not {pace:g}", key="--pace")
+    settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
+    _check_settings(scenario, settings)
+    relays = {name: Relay(s, name=name) for name, s in settings.items()}
+    memory = MemorySink() if (keep if keep is not None else log is None) else None
+    recorder = Recorder([*sinks, *([memory] if memory else [])])
+    with open_transport(scenario.can, can) as bus:
+        # Everything that can be wrong is found before the first file is opened.
+        simulation = Simulation(scenario, relays, recorder, bus, pace)
+        started = time.perf_counter()
+        recorder.sinks += _open_sinks(scenario, settings, overrides, log, rerun)
+        try:
+            with _interruptible(simulation):
+                simulation.run(progress)
+        except BaseException:
+            recorder.abort()
+            raise
+        recorder.close()
+        wall_s = time.perf_counter() - started
+        load = bus.load(simulation.simulated_ns)
+    fault_ns = next((change.t_ns for change in simulation.faults if change.on), None)
+    return Result(
+        scenario=scenario,
+        trips=simulation.trips,
+        faults=simulation.faults,
+        events=sorted(simulation.events, key=lambda event: event.t_ns),
+        expectations=[judge(expect, simulation.trips, fault_ns) for expect in scenario.expect],
+        log=None if log is None else Path(log),
+        simulated_s=simulation.simulated_ns / 1e9,
+        wall_s=wall_s,
+        can_frames=simulation.can_frames,
+        bus_load=load,
+        fault_locations={place.name: relays[place.name].fault_location for place in scenario.relay},
+        interrupted=simulation.interrupted,
+        memory=memory,
+    )
+
+
+def _check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
+    """What scenario and settings must agree on."""
+    for place in scenario.relay:
+        own = settings[place.name].relay
+        for key, wanted in (
+            ("sampling_hz", scenario.system.sampling_hz),
+            ("frequency_hz", scenario.system.frequency_hz),
+        ):
+            got = getattr(own, key)
+            if got != wanted:
+                raise InputError(
+                    f"is {got} for relay '{place.name}', but the scenario's [system] has {wanted}",
+                    file=scenario.settings_path(place),
+                    key=f"relay.{key}",
+                )
+
+
+def _open_sinks(
+    scenario: Scenario,
+    settings: Mapping[str, RelaySettings],
+    overrides: Sequence[str],
+    log: Path | str | None,
+    rerun: str | None,
+) -> list[Sink]:
+    opened: list[Sink] = []
+    start_ns = scenario.scenario.start_ns
+    if rerun is not None:
+        from faultloop.io.rerun_sink import RerunSink
+
+        opened.append(RerunSink(rerun, start_ns, name=scenario.scenario.name))
+    if log is not None:
+        from faultloop.io.mcap_writer import LogWriter
+
+        metadata, attachments = describe(scenario, settings, overrides)
+        Path(log).parent.mkdir(parents=True, exist_ok=True)
+        opened.append(LogWriter(log, start_ns, metadata, attachments))
+    return opened
+
+
+def describe(
+    scenario: Scenario, settings: Mapping[str, RelaySettings], overrides: Sequence[str]
+) -> tuple[dict[str, dict[str, str]], dict[str, str | bytes]]:
+    """Metadata records and attachments that let somebody repeat the run from its log."""
+    header = scenario.scenario
+    metadata = {
+        "scenario": {
+            "name": header.name,
+            "duration_s": f"{header.duration_s:g}",
+            "frequency_hz": str(scenario.system.frequency_hz),
+            "sampling_hz": str(scenario.system.sampling_hz),
+            "overrides": "\n".join(overrides),
+            "json": scenario.model_dump_json(by_alias=True),
+        },
+        "settings": {name: own.model_dump_json() for name, own in settings.items()},
+        "seed": {"seed": str(header.seed)},
+        "versions": versions(),
+    }
+    attachments: dict[str, str | bytes] = {"scenario.toml": scenario.text} if scenario.text else {}
+    attachments |= {f"{name}.settings.toml": own.text for name, own in settings.items() if own.text}
+    attachments[DBC_PATH.name] = DBC_PATH.read_bytes()
+    return metadata, attachments
+
+
+def versions() -> dict[str, str]:
+    """Of everything that a result may depend on."""
+    packages = ("faultloop", "numpy", "numba", "llvmlite", "mcap")
+    found = {name: importlib.metadata.version(name) for name in packages}
+    return found | {"python": platform.python_version(), "machine": platform.machine()}
+
+
+@contextmanager
+def _interruptible(simulation: Simulation) -> Iterator[None]:
+    """Ctrl-C and a termination signal end the run at the next block, so that the log is closed whole."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        if simulation.interrupted:
+            raise KeyboardInterrupt
+        simulation.interrupted = True
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
