@@ -1,0 +1,162 @@
+"""A model of a CAN bus: when does each frame arrive?  Discrete events, integer nanoseconds.
+
+Rules (ISO 11898-1:2015): a bus that is idle takes the first frame at once; when it gets idle, the waiting
+frame with the lowest arbitration field goes; no frame is pre-empted; three bits of intermission follow each
+frame.  Receivers take a frame when the last but one bit of its end of frame has passed (from there on it is
+valid for them), one bit before it is valid for its sender.  Each sender offers all of its waiting frames (it
+has as many mailboxes as it needs); frames with one identifier go in the order of submission.  No propagation
+delay, no bit errors.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from faultloop.errors import InputError
+from faultloop.io.can.frames import Frame
+from faultloop.io.can.length import INTERMISSION, wire_length
+
+SECOND_NS = 1_000_000_000
+
+
+class Delivery(NamedTuple):
+    """A frame that every node but its sender has received at `t_ns`."""
+
+    t_ns: int
+    frame: Frame
+    sender: object
+
+
+class _Waiting(NamedTuple):
+    arbitration: int
+    order: int
+    t_ns: int
+    frame: Frame
+    sender: object
+    duration_ns: int
+
+
+@dataclass(slots=True)
+class BusLoad:
+    """What went over the bus."""
+
+    frames: Counter[int] = field(default_factory=Counter)  # sent, by identifier
+    longest_wait_ns: dict[int, int] = field(default_factory=dict)  # from submission to start, by identifier
+    busy_ns: int = 0  # frames and intermissions
+
+    def over(self, duration_ns: int) -> float:
+        """Part of `duration_ns` in which the bus was not idle, 0 to 1."""
+        return self.busy_ns / duration_ns if duration_ns else 0.0
+
+
+def arbitration_field(frame: Frame) -> int:
+    """The bits that decide the arbitration, as a number: the lowest wins.
+
+    A base frame beats an extended one with the same first 11 bits (its RTR/RRS and IDE are dominant).
+    """
+    if frame.extended:
+        return (frame.id >> 18) << 20 | 0b11 << 18 | (frame.id & 0x3FFFF)
+    return frame.id << 20
+
+
+class SimulatedBus:
+    """The bus of one run.
+
+    Parameters
+    ----------
+    bitrate : nominal bit rate [bit/s].
+    data_bitrate : bit rate of the data phase of FD frames with bit rate switch [bit/s].
+    """
+
+    def __init__(self, bitrate: int = 500_000, data_bitrate: int = 2_000_000) -> None:
+        for key, value in (("bitrate", bitrate), ("data_bitrate", data_bitrate)):
+            if value <= 0:
+                raise InputError(f"{value} bit/s is not a bit rate: it must be positive", key=key)
+        self.bitrate = bitrate
+        self.data_bitrate = data_bitrate
+        self.load = BusLoad()
+        self._now = 0
+        self._idle_ns = 0  # from when on the next frame may start
+        self._order = 0
+        self._waiting: list[_Waiting] = []
+        self._sending: tuple[Delivery, ...] = ()  # the frame on the wire, not yet received
+
+    def submit(self, t_ns: int, frame: Frame, sender: object = None) -> None:
+        """Offer a frame at `t_ns`, not before the time up to which the bus was advanced."""
+        if t_ns < self._now:
+            raise ValueError(f"submitted at {t_ns} ns, but the bus is at {self._now} ns")
+        duration_ns = self.duration_ns(frame)  # refuses what cannot be sent
+        self._waiting.append(
+            _Waiting(arbitration_field(frame), self._order, t_ns, frame, sender, duration_ns)
+        )
+        self._order += 1
+
+    def duration_ns(self, frame: Frame) -> int:
+        """Time on the wire, from the start of frame to the end of the end of frame [ns]."""
+        nominal, data = wire_length(frame)
+        return nominal * SECOND_NS // self.bitrate + data * SECOND_NS // self.data_bitrate
+
+    def next_event_ns(self) -> int | None:
+        """When the next frame is received, if none is submitted until then; None if none is under way."""
+        if self._sending:
+            return self._sending[0].t_ns
+        chosen = self._choose()
+        return None if chosen is None else self._received_ns(*chosen)
+
+    def advance(self, until_ns: int) -> list[Delivery]:
+        """Let time pass; returns the frames received up to and including `until_ns`, in order.
+
+        A frame that would start at `until_ns` itself does not start yet: one of a higher priority may still
+        be submitted for that instant.
+        """
+        received: list[Delivery] = []
+        while True:
+            if self._sending:
+                if self._sending[0].t_ns > until_ns:
+                    break
+                received += self._sending
+                self._sending = ()
+            chosen = self._choose()
+            if chosen is None or chosen[1] >= until_ns:
+                break
+            self._start(*chosen)
+        self._now = max(self._now, until_ns)
+        return received
+
+    def pending(self) -> list[Frame]:
+        """The frames that are waiting or on the wire."""
+        return [frame for _, frame, _ in self._sending] + [waiting.frame for waiting in self._waiting]
+
+    def save(self) -> tuple:
+        """Everything that changes, for `restore`."""
+        load = BusLoad(Counter(self.load.frames), dict(self.load.longest_wait_ns), self.load.busy_ns)
+        return self._now, self._idle_ns, self._order, tuple(self._waiting), self._sending, load
+
+    def restore(self, state: tuple) -> None:
+        """Go back to a saved state; it may be restored again later."""
+        self._now, self._idle_ns, self._order, waiting, self._sending, load = state
+        self._waiting = list(waiting)
+        self.load = BusLoad(Counter(load.frames), dict(load.longest_wait_ns), load.busy_ns)
+
+    def _choose(self) -> tuple[_Waiting, int] | None:
+        """The frame that starts next and when, from what is known now."""
+        if not self._waiting:
+            return None
+        start_ns = max(self._idle_ns, min(waiting.t_ns for waiting in self._waiting))
+        return min(waiting for waiting in self._waiting if waiting.t_ns <= start_ns), start_ns
+
+    def _received_ns(self, chosen: _Waiting, start_ns: int) -> int:
+        return start_ns + chosen.duration_ns - SECOND_NS // self.bitrate
+
+    def _start(self, chosen: _Waiting, start_ns: int) -> None:
+        self._waiting.remove(chosen)
+        self._sending = (Delivery(self._received_ns(chosen, start_ns), chosen.frame, chosen.sender),)
+        busy_ns = chosen.duration_ns + INTERMISSION * SECOND_NS // self.bitrate
+        self._idle_ns = start_ns + busy_ns
+        load = self.load
+        load.busy_ns += busy_ns
+        load.frames[chosen.frame.id] += 1
+        wait_ns = start_ns - chosen.t_ns
+        load.longest_wait_ns[chosen.frame.id] = max(wait_ns, load.longest_wait_ns.get(chosen.frame.id, 0))

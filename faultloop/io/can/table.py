@@ -1,0 +1,145 @@
+"""The one table of CAN messages: identifiers, signals, bits.
+
+The DBC (``dbc.py``) is generated from it, the tests hold the codecs (``frames.py``) against it, and
+``docs/can.md`` prints it.  Identifiers order the messages by priority: the lowest wins the arbitration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+RELAYS = 16
+BREAKERS = 16
+PLANT_NODE = RELAYS + BREAKERS  # heartbeat numbers: relays, then breakers, then the plant
+NODES = PLANT_NODE + 1
+
+TICK_NS = 10_000  # the unit of every `time` signal: 10 us, so a u32 wraps after 11.9 hours
+CURRENT_LSB = 1e-3  # A  and
+VOLTAGE_LSB = 1e-2  # V: the scale factors of IEC 61850-9-2LE and IEC 61869-9
+
+
+class Kind(IntEnum):
+    """A kind of message; the value is its first identifier."""
+
+    TRIP = 0x010
+    CLOSE = 0x020
+    PILOT = 0x030
+    BREAKER_STATUS = 0x100
+    SAMPLED_VALUES = 0x180
+    MEASUREMENTS = 0x300
+    HEARTBEAT = 0x700
+
+
+STATE_KINDS = (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.BREAKER_STATUS)
+
+
+class Signal(NamedTuple):
+    """One signal, little endian: first bit, length [bit], and value = raw * scale."""
+
+    name: str
+    start: int
+    length: int
+    signed: bool = False
+    scale: float = 1
+    unit: str = ""
+    comment: str = ""
+    page: int | None = None  # multiplexed: present where `page` has this value
+    choices: dict[int, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MessageType:
+    """One kind of message: `count` identifiers from `kind` on, sent by the node of the same number."""
+
+    kind: Kind
+    count: int
+    sender: str
+    length: int
+    fd: bool
+    comment: str
+    signals: tuple[Signal, ...]
+
+
+def _protected(poles: str) -> tuple[Signal, ...]:
+    """Head of AUTOSAR E2E profile 1 (CRC, counter), poles, GOOSE's numbers, time: all of 8 bytes."""
+    return (
+        Signal("crc", 0, 8, comment="CRC-8 SAE J1850 over the identifier (low, high byte) and bytes 1 to 7"),
+        Signal("counter", 8, 4, comment="0 to 14, one more in each frame of this identifier"),
+        Signal("pole_a", 12, 1, comment=poles),
+        Signal("pole_b", 13, 1, comment=poles),
+        Signal("pole_c", 14, 1, comment=poles),
+        Signal("test", 15, 1, comment="1: sent under test; a receiver that is not must not act on it"),
+        Signal("st_num", 16, 8, comment="state number: one more with each change of the poles"),
+        Signal("sq_num", 24, 8, comment="0 in the first frame of a state, then 1 to 255, then 1 again"),
+        Signal("time", 32, 32, scale=1e-5, unit="s", comment="time of sending, since the run's start"),
+    )
+
+
+_PAGES = {0: "voltage", 1: "current", 2: "frequency"}
+
+MESSAGES = (
+    MessageType(
+        Kind.TRIP, RELAYS, "RELAY", 8, False,
+        "Opens the poles whose bit is set. Repeated as GOOSE repeats.",
+        _protected("1: open this pole"),
+    ),
+    MessageType(
+        Kind.CLOSE, RELAYS, "RELAY", 8, False,
+        "Closes the poles whose bit is set. Repeated as GOOSE repeats.",
+        _protected("1: close this pole"),
+    ),
+    MessageType(
+        Kind.PILOT, RELAYS, "RELAY", 8, False,
+        "Pilot signal to the relay at the line's other end. Repeated as GOOSE repeats.",
+        _protected("1: sent for this pole"),
+    ),
+    MessageType(
+        Kind.BREAKER_STATUS, BREAKERS, "BREAKER", 8, False,
+        "Position of the poles. Repeated as GOOSE repeats.",
+        _protected("1: this pole is closed"),
+    ),
+    MessageType(
+        Kind.SAMPLED_VALUES, RELAYS, "PLANT", 32, True,
+        "One sample of the six channels of a relay, instantaneous primary values.",
+        (
+            Signal("crc", 0, 16, comment="CRC-16 CCITT-FALSE over bytes 2 to 31 and the identifier"),
+            Signal("counter", 16, 8, comment="one more in each frame of this identifier"),
+            Signal("invalid", 24, 6, comment="bit set of the channels that are not valid, va first"),
+            Signal("synchronized", 30, 2, comment="SmpSynch", choices={0: "none", 1: "local", 2: "global"}),
+            Signal("sample_count", 32, 32, comment="number of the sample since the run's start"),
+            *(Signal(f"v{p}", 64 + 32 * i, 32, True, VOLTAGE_LSB, "V") for i, p in enumerate("abc")),
+            *(Signal(f"i{p}", 160 + 32 * i, 32, True, CURRENT_LSB, "A") for i, p in enumerate("abc")),
+        ),
+    ),
+    MessageType(
+        Kind.MEASUREMENTS, RELAYS, "RELAY", 8, False,
+        "RMS values and frequency as the relay measures them, one page in each frame.",
+        (
+            Signal("page", 0, 8, choices=_PAGES),
+            Signal("counter", 8, 8, comment="one more in each frame of this identifier"),
+            *(Signal(f"v{p}", 16 + 16 * i, 16, scale=10, unit="V", page=0) for i, p in enumerate("abc")),
+            *(Signal(f"i{p}", 16 + 16 * i, 16, scale=1, unit="A", page=1) for i, p in enumerate("abc")),
+            Signal("frequency", 16, 16, scale=1e-3, unit="Hz", page=2),
+            Signal("rocof", 32, 16, True, 1e-2, "Hz/s", page=2),
+            Signal("fault_location", 48, 16, True, 1e-3, "pu", "-32768: none", page=2),
+        ),
+    ),
+    MessageType(
+        Kind.HEARTBEAT, NODES, "NODE", 8, False,
+        "The node is alive. Numbers: relays, then 16 + breaker, then 32 the plant.",
+        (
+            Signal(
+                "state", 0, 8, comment="as CANopen's NMT error control",
+                choices={0: "boot-up", 4: "stopped", 5: "operational", 127: "pre-operational"},
+            ),
+            Signal("alarms", 8, 8, comment="bit set: 1 a publisher is silent, 2 frames rejected, 4 bus"),
+            Signal("rejected", 16, 16, comment="frames rejected since the start, at most 65535"),
+            Signal("time", 32, 32, scale=1e-5, unit="s", comment="time of sending, since the run's start"),
+        ),
+    ),
+)  # fmt: skip
+
+BY_KIND = {message.kind: message for message in MESSAGES}
+BY_IDENTIFIER = {message.kind + n: (message.kind, n) for message in MESSAGES for n in range(message.count)}

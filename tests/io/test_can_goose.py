@@ -1,0 +1,199 @@
+"""Repetition and acceptance: every change arrives once, whatever is lost, repeated or replayed."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from faultloop.io.can.frames import Frame, Rejection, State, decode
+from faultloop.io.can.goose import MS, Publisher, Repetition, Subscriber
+from faultloop.io.can.table import Kind
+
+reproducible = settings(derandomize=True, deadline=None)
+
+
+def message(frame: Frame | None) -> State:
+    assert frame is not None
+    decoded = decode(frame)
+    assert isinstance(decoded, State)
+    return decoded
+
+
+def publications(publisher: Publisher, until_ns: int) -> list[tuple[int, State]]:
+    sent = []
+    while publisher.next_ns <= until_ns:
+        t_ns = publisher.next_ns
+        sent.append((t_ns, message(publisher.poll(t_ns))))
+    return sent
+
+
+def test_intervals_double_up_to_the_heartbeat():
+    publisher = Publisher(Kind.TRIP, 0)
+    publisher.set(7, 10 * MS)
+    sent = publications(publisher, 5000 * MS)
+    times = [t_ns // MS - 10 for t_ns, _ in sent]
+    assert times[:10] == [0, 2, 6, 14, 30, 62, 126, 254, 510, 1022]
+    assert times[10:13] == [2022, 3022, 4022]
+    assert [m.sq_num for _, m in sent] == list(range(len(sent)))
+    assert {m.st_num for _, m in sent} == {2} and {m.poles for _, m in sent} == {7}
+    assert [m.counter for _, m in sent] == [n % 15 for n in range(len(sent))]
+
+
+def test_nothing_is_due_between():
+    publisher = Publisher(Kind.TRIP, 0)
+    assert publisher.poll(0) is not None
+    assert publisher.poll(1) is None
+    publisher.set(0, 1)  # no change
+    assert publisher.poll(1) is None
+
+
+def test_sequence_number_wraps_past_zero():
+    publisher = Publisher(Kind.PILOT, 3, repetition=Repetition(heartbeat_ns=4 * MS))
+    sent = publications(publisher, 1100 * MS)
+    numbers = [m.sq_num for _, m in sent]
+    assert numbers[254:258] == [254, 255, 1, 2]
+    subscriber = Subscriber()
+    assert [subscriber.receive(m, t) for t, m in sent] == [True] + [False] * (len(sent) - 1)
+    assert not subscriber.rejected
+
+
+def test_a_state_is_accepted_once():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    for t_ns, m in publications(publisher, 50 * MS):
+        subscriber.receive(m, t_ns)
+    publisher.set(7, 60 * MS)
+    sent = publications(publisher, 200 * MS)
+    answers = [subscriber.receive(m, t_ns) for t_ns, m in sent]
+    assert answers == [True] + [False] * (len(sent) - 1)
+    assert subscriber.poles == 7
+    # The same again, all of it: nothing is accepted a second time, nor seen as a change.
+    assert {subscriber.receive(m, 210 * MS) for _, m in sent} == {Rejection.OLD}
+    assert subscriber.rejected[Rejection.OLD] == len(sent)
+
+
+def test_replay_of_an_older_state_is_rejected():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    publisher.set(7, 10 * MS)
+    trip = message(publisher.poll(10 * MS))
+    assert subscriber.receive(trip, 10 * MS) is True
+    publisher.set(0, 300 * MS)
+    assert subscriber.receive(message(publisher.poll(300 * MS)), 300 * MS) is True
+    assert subscriber.receive(trip, 400 * MS) is Rejection.OLD
+    assert subscriber.receive(trip, 5000 * MS) is Rejection.STALE
+    assert Subscriber().receive(trip, 5000 * MS) is Rejection.STALE  # also for a node that starts only now
+    assert subscriber.poles == 0
+
+
+def test_a_change_within_one_tick_of_the_clock_is_not_lost():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    assert subscriber.receive(message(publisher.poll(1000)), 1000) is True
+    publisher.set(7, 1001)
+    assert subscriber.receive(message(publisher.poll(1001)), 1001) is True
+
+
+def test_frames_under_test_are_for_receivers_under_test():
+    under_test = Publisher(Kind.TRIP, 1, poles=7, test=True)
+    m = message(under_test.poll(0))
+    assert Subscriber().receive(m, 0) is Rejection.TEST
+    assert Subscriber(test=True).receive(m, 0) is True
+
+
+def test_other_poles_under_the_same_state_number():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    subscriber.receive(message(publisher.poll(0)), 0)
+    m = message(publisher.poll(2 * MS))
+    assert subscriber.receive(m._replace(poles=7), 2 * MS) is Rejection.INCONSISTENT
+    assert subscriber.poles == 0
+
+
+def test_a_silent_publisher_raises_one_alarm():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    sent = publications(publisher, 100 * MS)
+    for t_ns, m in sent:
+        assert not subscriber.supervise(t_ns)
+        subscriber.receive(m, t_ns)
+    last_ns, last = sent[-1]
+    limit = last_ns + Repetition().allowed_to_live_ns(last.sq_num)
+    assert not subscriber.supervise(limit - 1)
+    assert subscriber.supervise(limit)
+    assert not subscriber.supervise(limit + 1)
+    assert subscriber.alarm and subscriber.poles == 0
+    t_ns = publisher.next_ns
+    assert subscriber.receive(message(publisher.poll(t_ns)), t_ns) is False
+    assert not subscriber.alarm
+
+
+def test_a_restarted_publisher_rejoins():
+    old, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    for n in range(1, 40):
+        old.set(n % 2, n * 10 * MS)
+        subscriber.receive(message(old.poll(n * 10 * MS)), n * 10 * MS)
+    assert subscriber.poles == 1
+    restarted = Publisher(Kind.TRIP, 1, start_ns=500 * MS)
+    assert subscriber.receive(message(restarted.poll(500 * MS)), 500 * MS) is True
+    assert subscriber.restarts == 1 and subscriber.poles == 0
+    restarted.set(7, 600 * MS)
+    assert subscriber.receive(message(restarted.poll(600 * MS)), 600 * MS) is True
+
+
+@pytest.mark.parametrize("silence_ms", [1, 5000])
+def test_without_a_common_clock_an_earlier_time_needs_a_silence(silence_ms):
+    subscriber = Subscriber(max_age_ns=None)
+    running = Publisher(Kind.TRIP, 1, start_ns=0)
+    for _, m in publications(running, 50_000 * MS):
+        subscriber.receive(m, 50_000 * MS)
+    restarted = message(Publisher(Kind.TRIP, 1, poles=7).poll(0))  # its clock began again
+    answer = subscriber.receive(restarted, (50_000 + silence_ms) * MS)
+    assert answer is (Rejection.OLD if silence_ms == 1 else True)
+
+
+def test_lost_frames_are_counted():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    sent = publications(publisher, 600 * MS)
+    for n, (t_ns, m) in enumerate(sent):
+        if n not in (2, 3, 6):
+            subscriber.receive(m, t_ns)
+    assert subscriber.lost == 3
+
+
+@reproducible
+@given(
+    st.lists(st.tuples(st.integers(1, 400), st.integers(0, 7)), min_size=1, max_size=12),
+    st.randoms(use_true_random=False),
+    st.floats(0, 0.7),
+)
+def test_the_last_state_arrives_under_loss_duplication_and_replay(changes, random, loss):
+    """Whatever gets lost, repeated or replayed: states are accepted in order, and the last one is reached."""
+    publisher, subscriber = Publisher(Kind.TRIP, 0), Subscriber()
+    now, seen, history, accepted = 0, [0], [], []
+
+    def carry(until_ns: int) -> None:
+        for t_ns, m in publications(publisher, until_ns):
+            if random.random() >= loss:
+                if subscriber.receive(m, t_ns) is True:
+                    accepted.append(m.poles)
+                history.append(m)
+            if history and random.random() < 0.5:
+                assert subscriber.receive(random.choice(history), t_ns) in (Rejection.OLD, Rejection.STALE)
+
+    for gap_ms, poles in changes:
+        now += gap_ms * MS
+        carry(now - 1)
+        publisher.set(poles, now)
+        if poles != seen[-1]:
+            seen.append(poles)
+    carry(now + 60_000 * MS)
+    assert subscriber.poles == seen[-1]
+    remaining = iter(seen)
+    assert all(poles in remaining for poles in accepted)  # a subsequence: none twice, none out of order
+
+
+def test_copies_are_independent():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    other_publisher, other_subscriber = publisher.copied(), subscriber.copied()
+    m = message(publisher.poll(0))
+    subscriber.receive(m, 0)
+    subscriber.receive(m, 0)
+    assert other_publisher.next_ns == 0 and other_subscriber.poles is None and not other_subscriber.rejected
+    assert message(other_publisher.poll(0)) == m
