@@ -73,6 +73,10 @@ def word(zones, s, users, out):
     operate |= (s.trip.poles != 0) << place
     out[0] = np.uint64(pickup)
     out[1] = np.uint64(operate)
+    if out[0] != s.word[0] or out[1] != s.word[1]:
+        s.changed += 1
+        s.word[0] = out[0]
+        s.word[1] = out[1]
 
 
 @njit
@@ -90,6 +94,7 @@ def decide(constants, zones, state, phasors, users, words):
     Returns the number of samples done.
     """
     c, s = constants[0], state[0]
+    s.changed = 0
     for n in range(phasors.shape[0]):
         row = phasors[n]
         for k in range(6):

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError, nearest
-from faultloop.relay.estimators import is_compiled, run_estimator
 from faultloop.relay.settings import ElementSettings, RelaySettings
+from faultloop.relay.step import Runner, block_runner
 
 WIDTH = 26
 OUT = 2
@@ -29,14 +29,10 @@ OUT = 2
 class UserElement:
     """A user's function and its state."""
 
-    def __init__(self, name: str, step: Callable[..., Any], state: NDArray[np.float64]) -> None:
+    def __init__(self, name: str, run: Runner, state: NDArray[np.float64]) -> None:
         self.name = name
-        self.step = step
+        self.run = run  # (state, rows (n, 26), out (n, 2))
         self.state = state
-
-    def run(self, rows: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """rows (n, 26) -> out (n, 2)."""
-        run_estimator(self.step, self.state, rows, out)
 
 
 def load_elements(settings: RelaySettings) -> list[UserElement]:
@@ -45,12 +41,11 @@ def load_elements(settings: RelaySettings) -> list[UserElement]:
     result = []
     for element in settings.element:
         try:
-            step = _load(element, base)
-            is_compiled(step)
+            run = block_runner(_load(element, base))
         except InputError as error:
             key = f"element[{element.name}].function"
             raise InputError(error.what, file=settings.path, key=key) from error
-        result.append(UserElement(element.name, step, np.array(element.state, np.float64)))
+        result.append(UserElement(element.name, run, np.array(element.state, np.float64)))
     return result
 
 

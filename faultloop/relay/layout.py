@@ -93,6 +93,7 @@ MEMORY = _record(
     ("steady", "i8"),  # snapshots in a row at which the voltage stood still
     ("ready", "i8"),
     ("moving", "i8"),  # something changed within the last cycle
+    ("drift", "f8"),  # size2 of the change of all phasors within the last snapshot
     ("frozen", "i8"),  # a disturbance: the reference is kept from before it
     ("age", "i8"),  # samples since
     ("calm", "i8"),  # samples in a row without a difference from the reference
@@ -139,6 +140,8 @@ STATE = _record(
     ("d", "c16", (6,)),  # their change against the reference
     ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2 now
     ("change", "c16", (6,)),  # the same of the change
+    ("word", "u8", (2,)),  # pickup and operate bits now
+    ("changed", "i8"),  # samples of the last block at which a bit changed
     ("closed", "i8"),  # mask of closed poles, as reported
     ("was_closed", "i8"),
     ("memory", MEMORY),

@@ -33,6 +33,17 @@ def positive_sequence(x):
 
 
 @njit
+def weight(c, d):
+    """|dV|^2 + |Z1|^2 |dI|^2 of a change of six phasors: voltage and current on one scale [V^2]."""
+    return (
+        size2(d[0])
+        + size2(d[1])
+        + size2(d[2])
+        + size2(c.z1) * (size2(d[3]) + size2(d[4]) + size2(d[5]))
+    )
+
+
+@njit
 def differs(c, x, reference):
     """Whether any phase voltage or current differs from the reference by more than the [phs] pickups."""
     i1 = (reference[3] + A * reference[4] + A2 * reference[5]) / 3
@@ -65,9 +76,14 @@ def fill(c, m, x):
 def snapshot(c, m, x, frequency):
     """Take a snapshot; in quiet, move the reference on to the oldest one."""
     m.tick = 0
+    latest = m.head
     m.head = (m.head + 1) % c.snapshots
+    turn = m.rotor**c.snapshot
+    step = np.empty(6, np.complex128)
     for k in range(6):
+        step[k] = x[k] - turn * m.ring[latest, k]
         m.ring[m.head, k] = x[k]
+    m.drift = weight(c, step)
     m.ring_frequency[m.head] = frequency
     cycle_ago = (m.head - c.snapshots // 2) % c.snapshots
     turn = m.rotor ** (c.snapshot * (c.snapshots // 2))

@@ -17,8 +17,10 @@ select by superimposed phase-phase currents; the voltage term is ours, for weak 
 from __future__ import annotations
 
 from faultloop.jit import njit
-from faultloop.relay.memory import A2, A, size2
+from faultloop.relay.memory import A2, A, size2, weight
 
+STILL = 0.08
+"""Of the whole change, within a sixteenth of a cycle."""
 LOOP_MASK = (0, 1, 2, 4, 8, 16, 32, 56)
 """Loops released by fault type."""
 
@@ -63,14 +65,19 @@ def classify(c, d, change):
 def select(c, s):
     """One sample of the phase selection, during a disturbance.
 
-    A type must stand for a sixteenth of a cycle.  Once settled it is changed only while something moves:
-    a slow swing during a long fault is no new fault.
+    A type must stand for a sixteenth of a cycle while the phasors stand still, or for half a cycle while
+    the estimator is still on its way to the fault's state: on the way each phase has its own transient,
+    and a three-phase fault can look like a two-phase one.  Once settled, the type is changed only while
+    something moves: a slow swing during a long fault is no new fault.
     """
     p = s.selection
     candidate = classify(c, s.d, s.change)
-    p.count = p.count + 1 if candidate == p.candidate else 1
-    p.candidate = candidate
-    if p.count * 16 >= c.cycle and (p.fault == 0 or s.memory.moving or s.memory.age < 2 * c.cycle):
+    if candidate != p.candidate:
+        p.candidate = candidate
+        p.count = 0
+    still = s.memory.drift < STILL**2 * weight(c, s.d)
+    p.count += 8 if still or candidate == 7 else 1
+    if p.count * 2 >= c.cycle and (p.fault == 0 or s.memory.moving or s.memory.age < 2 * c.cycle):
         p.fault = candidate
 
 

@@ -13,10 +13,11 @@ from faultloop.relay import layout
 from faultloop.relay.chain import decide
 from faultloop.relay.characteristics import Polygon, characteristics
 from faultloop.relay.element import OUT, WIDTH, load_elements
-from faultloop.relay.estimators import ROW, Estimator, make_estimator, run_estimator
+from faultloop.relay.estimators import ROW, Estimator, make_estimator
 from faultloop.relay.events import Event, Outputs, Trip, bit_texts, poles_text
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
 from faultloop.relay.settings import RelaySettings
+from faultloop.relay.step import block_runner
 
 Array = NDArray[np.float64]
 FIRST_CAPACITY = 512
@@ -62,6 +63,7 @@ class Relay:
         self._state = layout.initial_state()
         self._measure_constants, self._measure_state = _measuring(settings, self._constants[0])
         self._estimator_state = self.estimator.state.copy()
+        self._estimate = block_runner(self.estimator.step)
         self.bits = self._bits()
         self.events: list[Event] = []
         self.sample_count = 0
@@ -143,13 +145,13 @@ class Relay:
     def _measure(self, samples: Array) -> None:
         n = len(samples)
         phasors, loops = self._phasors[:n], self._loops[:n]
-        run_estimator(self.estimator.step, self._estimator_state, samples, phasors)
+        self._estimate(self._estimator_state, samples, phasors)
         measure(self._measure_constants, self._measure_state, phasors, loops)
         if self._elements:
             rows = np.hstack([phasors, loops])
             for k, element in enumerate(self._elements):
                 out = np.zeros((n, OUT))
-                element.run(rows, out)
+                element.run(element.state, rows, out)
                 self._users[:n, k] = out
 
     def _reserve(self, n: int) -> None:
@@ -171,8 +173,8 @@ class Relay:
         """Events of the samples just done: where a bit changed, and the trip."""
         self.events = []
         words = self._words[:done]
-        last = np.array(self._last_words, np.uint64)
-        if done == 1 or not (np.array_equal(words[0], last) and np.array_equal(words[1:], words[:-1])):
+        if self._state["changed"][0]:
+            last = np.array(self._last_words, np.uint64)
             changed = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
             for n in np.flatnonzero(changed):
                 now = (int(words[n, 0]), int(words[n, 1]))
