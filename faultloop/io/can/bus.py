@@ -77,7 +77,7 @@ class SimulatedBus:
         self.bitrate = bitrate
         self.data_bitrate = data_bitrate
         self.load = BusLoad()
-        self._now = 0
+        self.now_ns = 0
         self._idle_ns = 0  # from when on the next frame may start
         self._order = 0
         self._waiting: list[_Waiting] = []
@@ -85,8 +85,8 @@ class SimulatedBus:
 
     def submit(self, t_ns: int, frame: Frame, sender: object = None) -> None:
         """Offer a frame at `t_ns`, not before the time up to which the bus was advanced."""
-        if t_ns < self._now:
-            raise ValueError(f"submitted at {t_ns} ns, but the bus is at {self._now} ns")
+        if t_ns < self.now_ns:
+            raise ValueError(f"submitted at {t_ns} ns, but the bus is at {self.now_ns} ns")
         duration_ns = self.duration_ns(frame)  # refuses what cannot be sent
         self._waiting.append(
             _Waiting(arbitration_field(frame), self._order, t_ns, frame, sender, duration_ns)
@@ -122,7 +122,7 @@ class SimulatedBus:
             if chosen is None or chosen[1] >= until_ns:
                 break
             self._start(*chosen)
-        self._now = max(self._now, until_ns)
+        self.now_ns = max(self.now_ns, until_ns)
         return received
 
     def pending(self) -> list[Frame]:
@@ -132,11 +132,11 @@ class SimulatedBus:
     def save(self) -> tuple:
         """Everything that changes, for `restore`."""
         load = BusLoad(Counter(self.load.frames), dict(self.load.longest_wait_ns), self.load.busy_ns)
-        return self._now, self._idle_ns, self._order, tuple(self._waiting), self._sending, load
+        return self.now_ns, self._idle_ns, self._order, tuple(self._waiting), self._sending, load
 
     def restore(self, state: tuple) -> None:
         """Go back to a saved state; it may be restored again later."""
-        self._now, self._idle_ns, self._order, waiting, self._sending, load = state
+        self.now_ns, self._idle_ns, self._order, waiting, self._sending, load = state
         self._waiting = list(waiting)
         self.load = BusLoad(Counter(load.frames), dict(load.longest_wait_ns), load.busy_ns)
 
