@@ -20,6 +20,7 @@ import numpy as np
 from faultloop.jit import njit
 from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Array, Estimator
 from faultloop.relay.estimators.quadrature import calibrate
+from faultloop.relay.estimators.reference import reference
 
 N = 0  # number of the next sample
 SAMPLING_HZ = 1
@@ -27,15 +28,6 @@ FREQUENCY_HZ = 2
 TAPS = 3
 HEAD = 4  # row of the ring that holds the newest sample
 COEFFICIENTS = 5
-
-
-@njit(inline="always")
-def reference(n, sampling_hz, frequency_hz):
-    """cos and sin of 2 pi f0 n / fs; n f0 is reduced to one turn first: exact for whole f0, no drift."""
-    beats = n * frequency_hz
-    beats -= sampling_hz * math.floor(beats / sampling_hz)
-    angle = beats * (2.0 * math.pi / sampling_hz)
-    return math.cos(angle), math.sin(angle)
 
 
 @njit
