@@ -15,7 +15,9 @@ from typing import IO, Any, NamedTuple
 import lz4.frame
 import numpy as np
 import zstandard
+from google.protobuf.message import DecodeError
 from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -38,6 +40,18 @@ LIBRARY = (
     "faultloop"  # without a version: the versions are metadata, the bytes of a log do not depend on them
 )
 LOG_RECORD = "faultloop"  # the metadata record that says where the run's time starts
+# What parsing the content of a damaged record may raise, in struct, mcap and protobuf; MemoryError and
+# OverflowError come from lengths that are nonsense.
+DAMAGE = (
+    ValueError,
+    TypeError,
+    LookupError,
+    OverflowError,
+    MemoryError,
+    struct.error,
+    McapError,
+    DecodeError,
+)
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of what follows
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # then channel, sequence, log time, publish time
 

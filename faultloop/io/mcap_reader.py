@@ -16,28 +16,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from google.protobuf.message import DecodeError
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
 from faultloop.errors import InputError, nearest
 from faultloop.io import messages as table
-from faultloop.io.mcap_file import LOG_RECORD, MAGIC, MESSAGE_HEAD, ChunkHead, decompress, parse, walk
+from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC, MESSAGE_HEAD, ChunkHead, decompress, parse, walk
 from faultloop.io.messages import Message, array_dtype, message_of, source_of
 from faultloop.io.schema import is_fixed_layout, record_dtype, schema_bytes
-
-DAMAGE = (
-    struct.error,
-    UnicodeDecodeError,
-    ValueError,
-    TypeError,
-    IndexError,
-    KeyError,
-    McapError,
-    DecodeError,
-)
 
 
 @dataclass(frozen=True)
@@ -176,14 +163,18 @@ class Log:
         self._segments.append(Segment(load))
 
     def _find_channels(self) -> None:
-        """Channels from the chunks, for a file whose summary does not repeat them."""
-        known = {channel.id for same in self._channels.values() for channel in same}
+        """Channels and schemas from the chunks, for a file whose summary does not repeat them all."""
+        channels = [channel for same in self._channels.values() for channel in same]
+        known = {channel.id for channel in channels}
+        if (
+            all(segment.index and known.issuperset(segment.index) for segment in self._segments)
+            and {channel.schema_id for channel in channels} <= self._schemas.keys() | {0}  # 0: no schema
+        ):
+            return
         for segment in self._segments:
-            if not segment.index or not known.issuperset(segment.index):
-                content = segment.load()
-                for record in walk(content):
-                    self._declare(record.opcode, memoryview(content)[record.start : record.stop])
-                known = {channel.id for same in self._channels.values() for channel in same}
+            content = memoryview(segment.load())
+            for record in walk(content):
+                self._declare(record.opcode, content[record.start : record.stop])
 
     # -- topics ----------------------------------------------------------------------------------------------
 

@@ -249,14 +249,16 @@ def message_of(topic: str) -> Message | None:
 def bit_names(bits: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     """IEC 61850 data names of the bits of ``pickup`` and ``operate``, lowest bit first.
 
-    ``PDIS1`` gives ``PDIS1.Str`` and ``PDIS1.Op``, ``PTRC1`` gives ``PTRC1.Tr`` for operate; a name that has
-    its data attribute already (``RDIR1.DirFwd``) is kept.
+    ``PDIS1`` gives ``PDIS1.Str`` and ``PDIS1.Op``, ``PTRC1`` gives ``PTRC1.Tr`` for operate.  A name that has
+    its data object already (``RDIR1.DirFwd``) names the bit of pickup; its bit of operate is without a name.
     """
 
-    def named(name: str, data: str) -> str:
-        return name if "." in name else f"{name}.{data}"
+    def operate(name: str) -> str:
+        if "." in name:
+            return ""
+        return f"{name}.Tr" if name.startswith("PTRC") else f"{name}.Op"
 
     return {
-        "pickup": tuple(named(name, "Str") for name in bits),
-        "operate": tuple(named(name, "Tr" if name.startswith("PTRC") else "Op") for name in bits),
+        "pickup": tuple(name if "." in name else f"{name}.Str" for name in bits),
+        "operate": tuple(operate(name) for name in bits),
     }

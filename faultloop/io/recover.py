@@ -11,13 +11,13 @@ from pathlib import Path
 import lz4.frame
 import numpy as np
 import zstandard
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
 from faultloop.errors import InputError
 from faultloop.io.mcap_file import (
     COMPRESSORS,
+    DAMAGE,
     LOG_RECORD,
     MAGIC,
     MESSAGE_HEAD,
@@ -33,7 +33,6 @@ from faultloop.io.mcap_file import (
 from faultloop.io.mcap_reader import map_file
 
 LOOSE_BYTES = 1 << 20  # messages outside of chunks are put into chunks of about this size
-BROKEN = (struct.error, UnicodeDecodeError, ValueError, McapError)  # what parsing a damaged record raises
 
 
 @dataclass
@@ -117,7 +116,7 @@ class Salvage:
                     return False
                 self.topics[channel_record.id] = channel_record.topic
                 self.target.declare(channel_record)
-        except BROKEN:
+        except DAMAGE:
             return False
         return True
 
@@ -138,7 +137,7 @@ class Salvage:
             records = decompress(head.compression, content[head.start : head.stop], head.size)
             if head.crc and zlib.crc32(records) != head.crc:
                 raise ValueError("checksum")
-        except BROKEN:
+        except DAMAGE:
             self.result.damaged += 1
             return
         self.flush()
@@ -149,7 +148,10 @@ class Salvage:
         """What there is of the last Chunk record."""
         try:
             head = ChunkHead.read(content)
-        except BROKEN:
+        except DAMAGE:
+            return
+        if head.stop <= len(content):  # all there: it is the record's length that is wrong
+            self.chunk(content)
             return
         data = content[head.start :]
         try:
@@ -181,7 +183,7 @@ class Salvage:
                 self.take(data[record.start - RECORD_HEAD.size : record.stop])
                 if self.size > LOOSE_BYTES:
                     self.flush()
-        except BROKEN:
+        except DAMAGE:
             self.result.damaged += 1
 
 
@@ -217,7 +219,7 @@ def _compression(data: memoryview) -> str:
         if record.opcode == Opcode.CHUNK:
             try:
                 found = ChunkHead.read(data[record.start : record.stop]).compression
-            except BROKEN:
+            except DAMAGE:
                 continue
             return found if found in COMPRESSORS else ""
     return ""
