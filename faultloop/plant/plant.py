@@ -1,0 +1,336 @@
+"""The primary system: sources, lines, faults and breakers, sampled for the relays."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.errors import InputError, nearest
+from faultloop.plant import kernel
+from faultloop.plant.circuit import Circuit
+from faultloop.plant.frontend import SECTIONS, FrontEnds, front_ends, settle
+from faultloop.plant.kernel import State, Watch
+from faultloop.plant.network import Model
+from faultloop.plant.probe import Probe
+from faultloop.plant.steady import ROTATION, Steady, fill, steady_states
+from faultloop.plant.timing import FaultTime, fault_times
+from faultloop.scenario import Scenario
+
+NS = 1_000_000_000
+SAME_INSTANT = 1e-6
+"""Current zeros closer than this, in steps, are one instant: poles in series open together."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A pole or a fault that changed at ``t_ns``: breaker ``index`` now has the poles ``value`` closed
+    (A = 1, B = 2, C = 4), or fault ``index`` is on (1) or off (0)."""
+
+    t_ns: int
+    kind: Literal["pole", "fault"]
+    index: int
+    value: int
+
+
+class Action(NamedTuple):
+    """Something due at a step.  ``make``: the poles begin to conduct; ``part``: they part, and conduct on to
+    their current zero; ``break``: they cease to conduct."""
+
+    step: int
+    kind: Literal["make", "part", "break"]
+    switch: int
+    mask: int
+
+
+class PlantState(NamedTuple):
+    """What `Plant.save` returns."""
+
+    buffer: NDArray[np.float64]
+    clock: NDArray[np.int64]
+    armed: NDArray[np.bool_]
+    masks: tuple[int, ...]
+    actions: tuple[Action, ...]
+    sample_count: int
+
+
+class Plant:
+    """The network of a scenario, advanced sample by sample.
+
+    Parameters
+    ----------
+    scenario : sources, lines, faults, breakers and where relays measure.
+
+    Raises
+    ------
+    InputError
+        Where the network has no unique solution or a fault has no voltage to time it by.
+
+    Attributes
+    ----------
+    sampling_hz, steps_per_sample : samples per second; solution steps in a sampling interval.
+    notes : list of str
+        What a log should say: the model of a short section, the exact instant of a fault.
+    sample_count : int
+        Number of the next sample; sample k is taken at ``k * 10**9 // sampling_hz`` ns.
+    samples : (m, relays, 6) array
+        Of the last `advance`: va vb vc ia ib ic [V, A], primary, current from the bus into the line.
+        Overwritten by the next one.
+    changes : list of Change
+        Of the last `advance`.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.sampling_hz = scenario.system.sampling_hz
+        self.steps_per_sample = scenario.system.steps_per_sample
+        self.sample_count = 0
+        self.changes: list[Change] = []
+        circuit = Circuit.of(scenario)
+        self._rate = circuit.rate
+        self._model = Model(circuit)
+        self._breakers = [breaker.name for breaker in scenario.breaker]
+        self._front = self._front_ends()
+        self._buffer, self._state = _new_state(self._model, len(scenario.relay))
+        switches = len(circuit.switches)
+        self._watch = Watch(
+            clock=np.array([0, self.steps_per_sample, 0, 0], dtype=np.int64),
+            armed=np.zeros((switches, 3), dtype=np.bool_),
+            zero=np.zeros((switches, 3)),
+            instant=np.zeros(2),
+        )
+        self._masks = tuple(0 if s.fault else 7 for s in circuit.switches)
+        self._factor = self._model.factor(self._masks)
+        steady = steady_states(self._model)
+        self._settle(steady)
+        times = fault_times(self._model, steady)
+        self.notes = circuit.notes + [note for time in times for note in time.notes]
+        self._actions = tuple(a for i, time in enumerate(times) for a in self._fault_actions(i, time))
+        self._samples = np.empty((0, len(scenario.relay), 6))
+        self.samples = self._samples
+
+    # ------------------------------------------------------------------ running
+
+    def advance(self, n: int) -> int:
+        """Computes up to ``n`` samples into `samples`, and stops after the sample in which a pole or a fault
+        changed; returns their number, at least 1."""
+        if n < 1:
+            raise ValueError(f"advance needs n >= 1, not {n}")
+        if len(self._samples) < n:
+            self._samples = np.empty((n, len(self.scenario.relay), 6))
+        clock = self._watch.clock
+        clock[3] = 0
+        self.changes = []
+        if self.sample_count == 0:
+            kernel.arrive(self._model.network, *self._arguments())
+        end = (self.sample_count + n - 1) * self.steps_per_sample
+        while clock[0] < end:
+            now = int(clock[0])
+            due = [action for action in self._actions if action.step <= now]
+            if due:
+                self._actions = tuple(action for action in self._actions if action.step > now)
+                self._act(due)
+            else:
+                clock[2] = min([end, *(a.step for a in self._actions)])
+                if kernel.run(self._model.network, *self._arguments()):
+                    self._open_at_zero()
+            if self.changes:
+                end = min(end, -(-int(clock[0]) // self.steps_per_sample) * self.steps_per_sample)
+        m = int(clock[3])
+        self.sample_count += m
+        self.samples = self._samples[:m]
+        return m
+
+    def command(self, breaker: str, action: Literal["open", "close"], poles_mask: int, t_ns: int) -> None:
+        """A breaker receives a command at ``t_ns``, not before the last advanced time.
+
+        It acts ``operate_ms`` or ``close_ms`` later.  Opening, each pole then conducts to its first current
+        zero.  A repeated open changes nothing; an open cancels a close that has not acted yet.
+        """
+        if breaker not in self._breakers:
+            raise InputError(f"there is no breaker '{breaker}'; {nearest(breaker, self._breakers)}")
+        if action not in ("open", "close") or not 1 <= poles_mask <= 7:
+            raise ValueError(
+                f"a command is 'open' or 'close' with a mask of 1 to 7: {action!r}, {poles_mask}"
+            )
+        if t_ns < self._now_ns():
+            raise ValueError(f"a command at {t_ns} ns comes too late: the plant is at {self._now_ns()} ns")
+        switch = self._breakers.index(breaker)
+        settings = self.scenario.breaker[switch]
+        delay = settings.operate_ms if action == "open" else settings.close_ms
+        step = max(self._step_at(t_ns + round(delay * 1e6)), int(self._watch.clock[0]))
+        if action == "open":
+            for other in self._actions:
+                if other.switch == switch and other.kind == "part" and other.step <= step:
+                    poles_mask &= ~other.mask
+            self._actions = tuple(_without(a, switch, poles_mask) for a in self._actions)
+            self._actions = tuple(a for a in self._actions if a.mask)
+        if poles_mask:
+            kind = "part" if action == "open" else "make"
+            self._actions = (*self._actions, Action(step, kind, switch, poles_mask))
+
+    def closed(self, breaker: str) -> int:
+        """Mask of the breaker's conducting poles, now."""
+        if breaker not in self._breakers:
+            raise InputError(f"there is no breaker '{breaker}'; {nearest(breaker, self._breakers)}")
+        return self._masks[self._breakers.index(breaker)]
+
+    def save(self) -> PlantState:
+        """A copy of everything that changes."""
+        watch = self._watch
+        return PlantState(
+            self._buffer.copy(),
+            watch.clock.copy(),
+            watch.armed.copy(),
+            self._masks,
+            self._actions,
+            self.sample_count,
+        )
+
+    def restore(self, state: PlantState) -> None:
+        """Back to a saved state; what follows is the same to the bit."""
+        self._buffer[:] = state.buffer
+        self._watch.clock[:] = state.clock
+        self._watch.armed[:] = state.armed
+        self._masks, self._actions, self.sample_count = state.masks, state.actions, state.sample_count
+        self._factor = self._model.factor(self._masks)
+        self.changes = []
+
+    @property
+    def probe(self) -> Probe:
+        """Any voltage and current of the network, now."""
+        return Probe(self._model, self._factor, self._state)
+
+    # ------------------------------------------------------------------ switching
+
+    def _act(self, due: list[Action]) -> None:
+        """Does what is due at the present step; where a conductor changed, takes the step with it."""
+        masks = list(self._masks)
+        for action in due:
+            poles = [bool(action.mask >> p & 1) for p in range(3)]
+            if action.kind == "part":
+                conducting = [bool(masks[action.switch] >> p & 1) for p in range(3)]
+                self._watch.armed[action.switch] |= np.logical_and(poles, conducting)
+                continue
+            self._watch.armed[action.switch] &= ~np.array(poles)
+            if action.kind == "make":
+                masks[action.switch] |= action.mask
+            else:
+                masks[action.switch] &= ~action.mask
+        if tuple(masks) != self._masks:
+            if self._watch.armed.any():
+                kernel.switch_currents(self._model.network, self._factor, self._state)
+            self._watch.instant[:] = 0
+            self._commutate(tuple(masks))
+
+    def _open_at_zero(self) -> None:
+        """Takes the trial step back to its first current zero, and opens the poles that have it there."""
+        zero = self._watch.zero
+        first = zero[zero >= 0].min()
+        opening = (zero >= 0) & (zero <= first + SAME_INSTANT)
+        self._watch.instant[:] = first, 1.0
+        kernel.go_back(self._state, self._watch)
+        self._watch.armed[:] &= ~opening
+        bits = opening @ np.array([1, 2, 4])
+        self._commutate(tuple(m & ~int(b) for m, b in zip(self._masks, bits, strict=True)))
+
+    def _commutate(self, masks: tuple[int, ...]) -> None:
+        """The step in which the conducting poles become ``masks``."""
+        step, instant = int(self._watch.clock[0]), float(self._watch.instant[0])
+        t_ns = math.floor((step + instant) * NS / self._rate) if instant else step * NS // self._rate
+        for switch, (old, new) in enumerate(zip(self._masks, masks, strict=True)):
+            if old == new:
+                continue
+            if switch < len(self._breakers):
+                self.changes.append(Change(t_ns, "pole", switch, new))
+            elif bool(old) != bool(new):
+                self.changes.append(Change(t_ns, "fault", switch - len(self._breakers), int(bool(new))))
+        self._masks = masks
+        self._factor = self._model.factor(masks)
+        if kernel.commutate(self._model.network, *self._arguments()):
+            # another pole's zero fell into the rest of the same step: it opens at the step's end, where its
+            # current is less than one step's natural change
+            for switch, poles in enumerate(self._watch.zero >= 0):
+                if mask := int(poles @ np.array([1, 2, 4])):
+                    self._actions = (*self._actions, Action(step + 1, "break", switch, mask))
+
+    def _arguments(self) -> tuple[Any, ...]:
+        return self._factor, self._state, self._watch, self._front, self._samples
+
+    def _fault_actions(self, index: int, time: FaultTime) -> list[Action]:
+        switch = len(self._breakers) + index
+        mask = sum(1 << "ABC".index(phase) for phase in self.scenario.fault[index].type.rstrip("G"))
+        actions = [Action(time.on, "make", switch, mask)]
+        if time.off is not None:
+            actions.append(Action(time.off, "part", switch, mask))
+        return actions
+
+    # ------------------------------------------------------------------ setting up
+
+    def _front_ends(self) -> FrontEnds:
+        """Where each relay's voltage and current come from."""
+        circuit, row = self._model.circuit, self._model.row
+        bus, terms = [], []
+        for relay in self.scenario.relay:
+            line = next(line for line in self.scenario.line if line.name == relay.line)
+            at_bus = line.from_bus if relay.end == "from" else line.to_bus
+            node = at_bus if relay.voltage_at == "bus" else circuit.terminals[relay.line, relay.end]
+            bus.append(row[node])
+            parts = circuit.terms[relay.line, relay.end]
+            terms.append([(circuit.current_row(kind, i), sign) for kind, i, sign in parts])
+        return front_ends(self.scenario, bus, terms, float(self._rate))
+
+    def _settle(self, steady: list[Steady]) -> None:
+        """The state of an eternal run at step 0."""
+        fill(self._model, steady, self._state)
+        kernel.branch_histories(self._model.network, self._state, self._model.network.trapezoid)
+        self._state.emf[:, 2] = -1
+        front = self._front
+        for s in steady:
+            x = np.zeros((len(self.scenario.relay), 6), dtype=complex)
+            for i in range(len(x)):
+                x[i, :3] = s.v[front.bus[i]] * ROTATION
+                span = slice(front.pointer[i], front.pointer[i + 1])
+                x[i, 3:] = (front.sign[span] * s.current[front.term[span]]).sum() * ROTATION
+            settle(front, self._state.lowpass, x, s.angle)
+
+    def _step_at(self, t_ns: int) -> int:
+        """The first step at or after a time."""
+        return -(-t_ns * self._rate // NS)
+
+    def _now_ns(self) -> int:
+        return int(self._watch.clock[0]) * NS // self._rate
+
+
+def _without(action: Action, switch: int, mask: int) -> Action:
+    """A pending close less the poles that are now to open."""
+    if action.switch == switch and action.kind == "make":
+        return action._replace(mask=action.mask & ~mask)
+    return action
+
+
+def _new_state(model: Model, relays: int) -> tuple[NDArray[np.float64], State]:
+    """One buffer, and the arrays that are its views: to save it is one copy."""
+    circuit = model.circuit
+    branches, waves = len(circuit.branches), len(circuit.waves)
+    rows, currents = len(model.row), branches + 2 * waves + len(circuit.switches)
+    shapes = {
+        "v": (rows, 3),
+        "current": (currents, 3),
+        "history": (branches, 3),
+        "ring": (model.ring_slots, 6),
+        "emf": (len(circuit.emfs), 3),
+        "lowpass": (relays, 6, SECTIONS, 2),
+        "old_v": (rows, 3),
+        "old_current": (currents, 3),
+        "wave_history": (waves, 6),
+        "measured": (relays, 6),
+    }
+    sizes = [math.prod(shape) for shape in shapes.values()]
+    buffer = np.zeros(sum(sizes))
+    parts = np.split(buffer, np.cumsum(sizes)[:-1])
+    views = {name: part.reshape(shape) for part, (name, shape) in zip(parts, shapes.items(), strict=True)}
+    return buffer, State(**views)

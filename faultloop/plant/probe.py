@@ -1,0 +1,60 @@
+"""Any voltage and current of the network, for tests and for people who look inside."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.plant import kernel
+from faultloop.plant.factor import Factor
+from faultloop.plant.kernel import State
+from faultloop.plant.network import Model
+
+Phases = NDArray[np.float64]
+"""(3,) of phases A, B, C."""
+
+
+class Probe:
+    """Reads a plant's present values [V, A]; it changes nothing."""
+
+    def __init__(self, model: Model, factor: Factor, state: State) -> None:
+        kernel.switch_currents(model.network, factor, state)  # the others are always up to date
+        self._model, self._state = model, state
+
+    def nodes(self) -> list[str]:
+        """Names of all nodes, as `Circuit` makes them."""
+        return list(self._model.row)
+
+    def voltage(self, node: str) -> Phases:
+        """Of a bus, ``LINE:from`` or ``LINE:to`` behind a breaker, ``LINE@pu`` of a fault on a line."""
+        return self._state.v[self._model.row[node]].copy()
+
+    def terminal_voltage(self, line: str, end: str) -> Phases:
+        """At a line's ``from`` or ``to`` end, behind its breaker where there is one."""
+        return self.voltage(self._model.circuit.terminals[line, end])
+
+    def line_current(self, line: str, end: str) -> Phases:
+        """Into a line from its bus, what a relay there measures."""
+        total = np.zeros(3)
+        for kind, index, sign in self._model.circuit.terms[line, end]:
+            total += sign * self._state.current[self._model.circuit.current_row(kind, index)]
+        return total
+
+    def source_current(self, name: str) -> Phases:
+        """Out of a source into its bus."""
+        names = [source.name for source in self._model.circuit.scenario.source]
+        return self._state.current[names.index(name)].copy()
+
+    def breaker_current(self, name: str) -> Phases:
+        """Through a breaker's poles, from bus to line."""
+        names = [breaker.name for breaker in self._model.circuit.scenario.breaker]
+        return self._switch(names.index(name))
+
+    def fault_current(self, name: str) -> Phases:
+        """Out of each phase into a fault."""
+        scenario = self._model.circuit.scenario
+        names = [fault.name for fault in scenario.fault]
+        return self._switch(len(scenario.breaker) + names.index(name))
+
+    def _switch(self, index: int) -> Phases:
+        return self._state.current[self._model.circuit.current_row("switch", index)].copy()

@@ -1,0 +1,148 @@
+"""The sinusoidal steady state of the discrete equations, and the state that an eternal run would be in.
+
+Before the first fault everything is balanced - sources, transposed lines, closed breakers - so one complex
+number per bus, positive sequence, is the whole solution; sources of several frequencies superpose.  The step
+matters: to the trapezoidal rule an inductance is ``j (2/dt) tan(w dt/2) L``, and a travel time is what its
+interpolation makes of it.  With those, the first samples already are the steady state, to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import splu
+
+from faultloop.errors import InputError
+from faultloop.plant.circuit import GROUND, Branch
+from faultloop.plant.kernel import State
+from faultloop.plant.network import CONTACT_OHM, LEAKAGE_S, Model
+
+Complex = NDArray[np.complex128]
+
+ROTATION = np.exp(-2j * np.pi / 3 * np.arange(3))
+"""Phases A, B, C of a positive-sequence phasor."""
+
+
+@dataclass(frozen=True)
+class Steady:
+    """Peak phasors of phase A at step 0, for one frequency."""
+
+    angle: float
+    """Turn per step [rad]."""
+    v: Complex
+    """(rows of v,) [V]"""
+    current: Complex
+    """(rows of current,) [A]"""
+
+
+def steady_states(model: Model) -> list[Steady]:
+    """One for each distinct source frequency.  Raises InputError where the network resonates undamped."""
+    frequencies = sorted({emf.frequency_hz for emf in model.circuit.emfs})
+    return [_solve(model, frequency) for frequency in frequencies]
+
+
+def _solve(model: Model, frequency: float) -> Steady:
+    circuit, row = model.circuit, model.row
+    angle = 2 * np.pi * frequency * circuit.dt
+    v = np.zeros(len(row), dtype=complex)
+    for emf in circuit.emfs:
+        if emf.frequency_hz == frequency:
+            v[row[emf.node]] = emf.amplitude * np.exp(1j * emf.phase)
+    i, j, y = (np.array(part) for part in zip(*_admittances(model, angle), strict=True))
+    matrix = csc_array(coo_array((y, (i, j)), shape=(len(row), len(row))))
+    n = model.bus_count
+    try:
+        v[:n] = splu(matrix[:n, :n]).solve(-(matrix[:n, n:] @ v[n:]))
+    except RuntimeError:
+        raise InputError(
+            f"at {frequency:g} Hz the network has no unique steady state: an undamped resonance or a part "
+            "without a source; give its lines and sources some resistance",
+            key="system",
+        ) from None
+    return Steady(angle, v, _currents(model, angle, v))
+
+
+def _admittances(model: Model, angle: float) -> Iterator[tuple[int, int, complex]]:
+    """(row, row, admittance) of every part; duplicates add up."""
+    circuit, row = model.circuit, model.row
+    for bus in range(model.bus_count):
+        yield bus, bus, LEAKAGE_S
+    for branch in circuit.branches:
+        yield from _between(row[branch.start], row[branch.end], branch_admittance(branch, angle, circuit.dt))
+    for switch in circuit.switches:
+        if switch.fault is None:
+            yield from _between(row[switch.start], row[switch.end], 1 / CONTACT_OHM)
+    for section in circuit.waves:
+        own, mutual = wave_admittance(section.wave.admittances(angle))
+        k, m = row[section.start], row[section.end]
+        yield from ((k, k, own), (m, m, own), (k, m, mutual), (m, k, mutual))
+
+
+def _between(k: int, m: int, y: complex) -> Iterator[tuple[int, int, complex]]:
+    yield from ((k, k, y), (m, m, y), (k, m, -y), (m, k, -y))
+
+
+def branch_admittance(branch: Branch, angle: float, dt: float) -> complex:
+    """Positive sequence, of the trapezoidal rule [S]."""
+    s = 2j / dt * np.tan(angle / 2)
+    if branch.c is not None:
+        return complex(s * branch.c[1])
+    return complex(1 / (branch.r[1] + s * branch.l[1]))
+
+
+def wave_admittance(modes: tuple[Complex, Complex]) -> tuple[complex, complex]:
+    """Own and mutual admittance, positive sequence, from those for equal and for opposite voltages."""
+    equal, opposite = modes[0][1], modes[1][1]
+    return complex(equal + opposite) / 2, complex(equal - opposite) / 2
+
+
+def _currents(model: Model, angle: float, v: Complex) -> Complex:
+    """In the order of `State.current`."""
+    circuit, row = model.circuit, model.row
+    out: list[complex] = []
+    for branch in circuit.branches:
+        y = branch_admittance(branch, angle, circuit.dt)
+        out.append(y * (v[row[branch.start]] - v[row[branch.end]]))
+    for section in circuit.waves:
+        own, mutual = wave_admittance(section.wave.admittances(angle))
+        k, m = v[row[section.start]], v[row[section.end]]
+        out += [own * k + mutual * m, mutual * k + own * m]
+    for switch in circuit.switches:
+        across = v[row[switch.start]] - v[row[switch.end]]
+        out.append(across / CONTACT_OHM if switch.fault is None else 0j)
+    return np.array(out)
+
+
+def fill(model: Model, states: list[Steady], state: State) -> None:
+    """Puts the superposed steady states, as of step 0, into v, current and the rings; adds nothing else."""
+    state.v[:] = sum(_phases(s.v) for s in states).real
+    state.current[:] = sum(_phases(s.current) for s in states).real
+    first = len(model.circuit.branches)
+    for w, section in enumerate(model.circuit.waves):
+        offset, mask = model.network.wave_tap[w, :2]
+        steps = np.arange(-int(mask), 1)
+        slots = offset + (steps & mask)
+        for end, node in enumerate((section.start, section.end)):
+            for s in states:
+                u = (
+                    section.wave.y[1] * s.v[model.row[node]]
+                    + section.wave.h[1] * s.current[first + 2 * w + end]
+                )
+                past = u * np.exp(1j * s.angle * steps)
+                # Clarke: of a positive sequence, beta lags alpha by 90 degrees and there is no zero sequence
+                state.ring[slots, 2 * end] += past.real
+                state.ring[slots, 2 * end + 1] += (-1j * past).real
+
+
+def _phases(positive: Complex) -> Complex:
+    return positive[:, None] * ROTATION
+
+
+def voltage(model: Model, states: list[Steady], node: str, steps: NDArray[np.int64]) -> Complex:
+    """Phase A's voltage at a node as an analytic signal over steps [V]: its real part is the wave."""
+    total = sum(s.v[model.row[node]] * np.exp(1j * s.angle * steps) for s in states)
+    return np.asarray(total if node != GROUND else 0 * steps, dtype=complex)
