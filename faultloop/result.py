@@ -108,7 +108,7 @@ class Result:
         return next((change.t_ns for change in self.faults if change.on), None)
 
     def samples(self, relay: str | None = None) -> np.ndarray:
-        """Sampled values (n,): t_ns, sample_count, va vb vc [V], ia ib ic [A]; by default the first relay's."""
+        """Sampled values (n,) of a relay, the first by default: va .. vc [V], ia .. ic [A]."""
         return self._array("samples", relay)
 
     def phasors(self, relay: str | None = None) -> np.ndarray:

@@ -98,7 +98,7 @@ class Simulation:
         def report(t_ns: int, level: str, text: str) -> None:
             self._event(t_ns, name, level, text, f"/breaker/{name}/events")
 
-        closed = self.plant.closed(number)
+        closed = self.plant.closed(self._breaker_names[number])
         return BreakerNode(number, relays, closed, self.scenario.can.heartbeat_s, report)
 
     # -- the clock ------------------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ class Simulation:
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
         for number in range(len(self._breaker_nodes)):
-            self._record_breaker(0, number, self.plant.closed(number), "")
+            self._record_breaker(0, number, self.plant.closed(self._breaker_names[number]), "")
 
     def _next_ns(self) -> int:
         """When something on the bus may act or must be sent; no block may pass it."""
@@ -174,8 +174,9 @@ class Simulation:
             plant.restore(plant_before)
             plant.advance(done)
         self._record_samples(k, done)
-        self._record_plant()
-        self._record_relays(self._sample_ns(k + done - 1), done)
+        last_ns = self._sample_ns(k + done - 1)
+        self._record_plant(last_ns)
+        self._record_relays(last_ns, done)
         return done
 
     def _record_samples(self, k: int, m: int) -> None:
@@ -193,12 +194,15 @@ class Simulation:
                 relay.operate[:m],
             )
 
-    def _record_plant(self) -> None:
-        """Poles and faults that the block changed."""
+    def _record_plant(self, t_ns: int) -> None:
+        """Poles and faults that the block, which ends at `t_ns`, changed.
+
+        A breaker's node scans its contacts once a sample, so its frame is of the sample after the change.
+        """
         for change in self.plant.changes:
             if change.kind == "pole":
                 self._record_breaker(change.t_ns, change.index, change.value, "")
-                self._breaker_nodes[change.index].set(change.t_ns, change.value)
+                self._breaker_nodes[change.index].set(t_ns, change.value)
                 self._note_opening(change.index, change.t_ns, change.value)
             else:
                 fault = self.scenario.fault[change.index]
@@ -298,8 +302,8 @@ class Simulation:
     def _obey(self, number: int, command: Command) -> None:
         """A breaker acts on an accepted command; this is the time that a trip's report states."""
         name = self._breaker_names[number]
-        self.plant.command(number, command.operation, command.poles, command.t_ns)
-        self._record_breaker(command.t_ns, number, self.plant.closed(number), command.operation)
+        self.plant.command(name, command.operation, command.poles, command.t_ns)
+        self._record_breaker(command.t_ns, number, self.plant.closed(name), command.operation)
         relay = self.scenario.relay[command.relay].name
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
         self._event(command.t_ns, name, "info", text, f"/breaker/{name}/events")
@@ -350,7 +354,7 @@ def run(
     relays = {name: Relay(s, name=name) for name, s in settings.items()}
     memory = MemorySink() if (keep if keep is not None else log is None) else None
     recorder = Recorder([*sinks, *([memory] if memory else [])])
-    with open_transport(scenario.can, can) as bus:
+    with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
         # Everything that can be wrong is found before the first file is opened.
         simulation = Simulation(scenario, relays, recorder, bus, pace)
         started = time.perf_counter()

@@ -29,7 +29,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Run a scenario closed-loop: faults, estimates, trips over CAN, breakers; everything in a log."""
-    from faultloop.cli.output import console, print_json
+    from faultloop.cli.output import print_json, progress_bar
     from faultloop.cli.report import print_result, result_as_dict
     from faultloop.errors import InputError
     from faultloop.scenario import load_scenario
@@ -39,14 +39,15 @@ def command(
         raise InputError("give either --realtime (which is --pace 1) or --pace X", key="--pace")
     checked = load_scenario(scenario, set_ or [])
     path = log if log is not None else Path("logs") / f"{scenario.stem}.mcap"
-    result = run(
-        checked,
-        log=path,
-        rerun=rerun,
-        can=can,
-        pace=1.0 if realtime else pace,
-        progress=not json and console().is_terminal,
-    )
+    with progress_bar("simulating") as progress:
+        result = run(
+            checked,
+            log=path,
+            rerun=rerun,
+            can=can,
+            pace=1.0 if realtime else pace,
+            progress=progress,
+        )
     if json:
         print_json(result_as_dict(result))
     else:
