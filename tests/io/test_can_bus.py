@@ -121,6 +121,21 @@ def test_hand_worked_fd_frame():
     assert wire_length(Frame(0x000, b"\x1f", fd=True, brs=True)) == (19 + 9, 13 + 28)
 
 
+@pytest.mark.parametrize(
+    ("frame", "bits"),
+    [
+        (Frame(0x123, bytes(8)), 125),
+        (Frame(0x010, bytes.fromhex("1122334455667788")), 115),
+        (Frame(0x000, b"", extended=True), 74),
+        (Frame(0x000, b"\x01"), 61),
+        (Frame(0x1ABCDEF0, b"\xff" * 8, extended=True), 146),
+    ],
+)
+def test_lengths_that_can_utils_counts(frame, bits):
+    """As `canbusload -e` of can-utils 2020.11 printed them for these frames, intermission included."""
+    assert wire_length(frame).nominal + INTERMISSION == bits
+
+
 def test_published_bounds():
     # Davis, Burns, Bril, Lukkien (2007), eq. 1: at most (g + 8 s + 13 + floor((g + 8 s - 1) / 4)) bits,
     # intermission included, g = 34 (11-bit) or 54 (29-bit identifiers): 135 and 160 bits for 8 bytes.
