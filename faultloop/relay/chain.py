@@ -52,7 +52,7 @@ def protect(c, zones, s):
 
 
 @njit
-def word(zones, s, users, out):
+def word(c, zones, s, users, out):
     """Bits of pickup and operate: zones, direction, released loops, trip, user elements."""
     count = zones.shape[0]
     pickup, operate, started = 0, 0, 0
@@ -62,7 +62,7 @@ def word(zones, s, users, out):
     started = pickup != 0
     pickup |= (s.direction.direction > 0) << count
     pickup |= (s.direction.direction < 0) << (count + 1)
-    pickup |= phs.released(s) << (count + 2)
+    pickup |= phs.released(c, s) << (count + 2)
     place = count + 2 + LOOP_BITS
     for k in range(users.shape[0]):
         on, op = users[k, 0] > 0.5, users[k, 1] > 0.5
@@ -81,7 +81,8 @@ def word(zones, s, users, out):
 
 @njit
 def decide(constants, zones, state, phasors, users, words):
-    """Run a block; stop after the first sample at which an output (trip poles, pilot) changed.
+    """Run a block; stop after the first sample at which an output (trip poles, pilot) changed, or a
+    fault was located.
 
     Parameters
     ----------
@@ -99,15 +100,16 @@ def decide(constants, zones, state, phasors, users, words):
         row = phasors[n]
         for k in range(6):
             s.x[k] = complex(row[2 * k], row[2 * k + 1])
-        poles, pilot, trips = s.trip.poles, s.trip.pilot, s.trip.count
+        poles, pilot = s.trip.poles, s.trip.pilot
+        told = s.trip.count + s.location.told
         ready = memory.remember(c, s.memory, s.x, row[12])
         ready &= watch_breaker(c, s)
         if ready and not s.memory.frozen and memory.differs(c, s.x, s.memory.reference):
             memory.freeze(s.memory)
-            rflo.clear(s.location)
+        started = False
         if ready and s.memory.frozen:
-            busy = protect(c, zones, s)
-            if not busy and s.trip.poles == 0:
+            started = protect(c, zones, s)
+            if not started and s.trip.poles == 0:
                 memory.thaw(c, s.memory, s.x)
         else:
             rest(s, zones.shape[0])
@@ -115,7 +117,9 @@ def decide(constants, zones, state, phasors, users, words):
         for k in range(users.shape[1]):
             user_operate |= (users[n, k, 1] > 0.5) << k
         ptrc.step_trip(c, zones, s, user_operate)
-        word(zones, s, users[n], words[n])
-        if s.trip.poles != poles or s.trip.pilot != pilot or s.trip.count != trips:
+        if not started and s.trip.poles == 0:
+            rflo.finish(s.location)
+        word(c, zones, s, users[n], words[n])
+        if s.trip.poles != poles or s.trip.pilot != pilot or s.trip.count + s.location.told != told:
             return n + 1
     return phasors.shape[0]

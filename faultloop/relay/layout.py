@@ -129,10 +129,10 @@ LOCATION = _record(
     ("mean", "f8"),
     ("spread", "f8"),
     ("count", "i8"),
-    ("best", "f8"),
     ("best_spread", "f8"),
     ("value", "f8"),  # the answer, per unit of the line
-    ("fault", "i8"),
+    ("fault", "i8"),  # the type it is for; 0 between faults
+    ("told", "i8"),  # faults located so far; a change is an event
 )
 
 STATE = _record(
@@ -172,7 +172,8 @@ def constants(settings: RelaySettings, settling_samples: int) -> NDArray[np.void
         "cycle": round(cycle),
         "snapshot": snapshot,
         "snapshots": math.ceil(MEMORY_CYCLES * cycle / snapshot),
-        "settling": max(settling_samples, 1),
+        # A recursive estimator forgets its start slowly; the memory waits for a steady voltage anyway.
+        "settling": max(min(settling_samples, math.ceil(1.25 * cycle)), 1),
         "hold": samples(200.0),
         "z1": settings.z1_ohm,
         "z0": settings.z0_ohm,

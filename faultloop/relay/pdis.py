@@ -203,7 +203,7 @@ def step_zone(c, z, w, s, mask):
 @njit
 def step_zones(c, zones, s):
     """One sample of all zones.  Returns True while any has started."""
-    mask = released(s)
+    mask = released(c, s)
     any_pickup = False
     for k in range(zones.shape[0]):
         step_zone(c, zones[k], s.zone[k], s, mask)

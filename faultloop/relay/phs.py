@@ -82,13 +82,16 @@ def select(c, s):
 
 
 @njit
-def released(s):
-    """Mask of the loops that may start: those of the fault type, without open poles."""
-    fault = s.selection.fault
-    mask = LOOP_MASK[fault]
-    if s.closed == 7:
+def released(c, s):
+    """Mask of the loops that may start: those of the fault type, without dead poles.
+
+    A pole is dead where the breaker says so or it carries no current: in the dead time of a single-pole trip
+    its loops see what the other phases induce.
+    """
+    mask = LOOP_MASK[s.selection.fault]
+    if mask == 0:
         return mask
     for phase in range(3):
-        if not (s.closed >> phase) & 1:
+        if not (s.closed >> phase) & 1 or size2(s.x[3 + phase]) < c.open_current**2:
             mask &= ~((1 << phase) | (8 << phase) | (8 << ((phase + 2) % 3)))
     return mask

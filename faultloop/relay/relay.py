@@ -68,8 +68,7 @@ class Relay:
         self.events: list[Event] = []
         self.sample_count = 0
         self._last_words = (0, 0)
-        self._trips = 0
-        self._located = True
+        self._trips, self._located, self._tripped = 0, 0, False
         self._reserve(FIRST_CAPACITY)
         self.phasors, self.loops = self._phasors[:0], self._loops[:0]
         self.pickup, self.operate = self._words[:0, 0], self._words[:0, 1]
@@ -82,8 +81,8 @@ class Relay:
 
     @property
     def fault_location(self) -> float:
-        """Distance of the last tripped fault, per unit of the line; NaN where there is none."""
-        return float(self._state["location"]["value"][0]) if self._trips else float("nan")
+        """Distance of the last fault that started a zone, per unit of the line; NaN where there is none."""
+        return float(self._state["location"]["value"][0])
 
     def characteristics(self) -> dict[str, tuple[Polygon, Polygon]]:
         """Per zone the closed polygons of ground and phase loops, (k, 2), primary ohm, for the R-X plane."""
@@ -113,14 +112,14 @@ class Relay:
 
     def save(self) -> Any:
         """Everything that changes while it runs."""
-        rest = (self.sample_count, self._last_words, self._trips, self._located, self.inputs)
+        rest = (self.sample_count, self._last_words, self._trips, self._located, self._tripped, self.inputs)
         return (self._state.copy(), self._save_ahead(), rest)
 
     def restore(self, state: Any) -> None:
         """Go back to what `save` gave; the same samples then give the same bits."""
         self._state[:] = state[0]
         self._restore_ahead(state[1])
-        self.sample_count, self._last_words, self._trips, self._located, self.inputs = state[2]
+        self.sample_count, self._last_words, self._trips, self._located, self._tripped, self.inputs = state[2]
 
     def _save_ahead(self) -> tuple[Array, NDArray[np.void], list[Array]]:
         return (
@@ -181,21 +180,29 @@ class Relay:
                 for text in bit_texts(self.bits, len(self._zones), self._last_words, now):
                     self.events.append(Event(self.sample_count + int(n), "info", text))
                 self._last_words = now
-        self._tell_trip(self.sample_count + done - 1)
+        last_sample = self.sample_count + done - 1  # where a block stops for an output or a location
+        self._tell_trip(last_sample)
+        self._tell_location(last_sample)
 
     def _tell_trip(self, sample: int) -> None:
         trip = self._state["trip"][0]
         if trip["count"] != self._trips:
             self._trips = int(trip["count"])
-            self._located = False
             data = self._trip(trip)
             text = f"PTRC1 Tr poles {poles_text(data.poles)} zone {data.zone} loop {data.loop}"
             self.events.append(Event(sample, "warning", text, data))
-        elif not self._located and trip["poles"] == 0:
-            self._located = True
+        elif self._tripped and not trip["poles"]:
             self.events.append(Event(sample, "info", "PTRC1 Tr reset"))
-            if not np.isnan(self.fault_location):
-                self.events.append(Event(sample, "info", self._location_text()))
+        self._tripped = bool(trip["poles"])
+
+    def _tell_location(self, sample: int) -> None:
+        told = int(self._state["location"]["told"][0])
+        if told == self._located:
+            return
+        self._located = told
+        part, length = self.fault_location, self.settings.line.length_km
+        km = "" if length is None else f", {part * length:.3g} km"
+        self.events.append(Event(sample, "info", f"RFLO1 fault at {part:.3f} of the line{km}"))
 
     def _trip(self, trip: Any) -> Trip:
         loop = layout.FAULTS[int(trip["fault"])]
@@ -203,13 +210,6 @@ class Relay:
         if index < 0:
             return Trip(self._elements[-1 - index].name, 0, loop, poles)
         return Trip(f"PDIS{index + 1}", int(self._zones["zone"][index]), loop, poles)
-
-    def _location_text(self) -> str:
-        part = self.fault_location
-        loop = layout.FAULTS[int(self._state["location"]["fault"][0])]
-        length = self.settings.line.length_km
-        km = "" if length is None else f", {part * length:.1f} km"
-        return f"RFLO1 fault {loop} at {part:.3f} of the line{km}"
 
 
 def _estimator(settings: RelaySettings) -> Estimator:

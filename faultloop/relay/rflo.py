@@ -35,24 +35,31 @@ def estimate(c, s, loop, k0):
 
 
 @njit
-def clear(w):
-    """Forget the fault before."""
+def start(w, fault):
+    """A fault, or another type of it: forget the one before."""
+    w.fault = fault
     w.count = 0
     w.value = np.nan
     w.best_spread = np.inf
-    w.fault = 0
+
+
+@njit
+def finish(w):
+    """All zones and the trip have reset: the answer stands until the next fault."""
+    if w.fault != 0:
+        w.fault = 0
+        w.told += w.value == w.value
 
 
 @njit
 def step_location(c, s):
-    """One sample of the fault locator, while a zone has started and the current flows."""
+    """One sample of the fault locator, while a zone has started."""
     w = s.location
     fault = s.selection.fault
     if fault == 0 or s.direction.direction < 0:
         return
     if fault != w.fault:
-        clear(w)
-        w.fault = fault
+        start(w, fault)
     loop = PHASE_LOOP_OF_ABC if fault == 7 else fault - 1
     i = loop_current(s.x, loop, (c.z0 - c.z1) / (3 * c.z1))
     if size2(i) < c.minimum_current**2:
