@@ -19,8 +19,9 @@ def command(
 ) -> int:
     """What happened in a log: a summary, and plots where asked for."""
     from faultloop.cli.output import console, print_json
-    from faultloop.io.log import open_log
-    from faultloop.study.review import print_review, summarize
+    from faultloop.io.mcap_reader import open_log
+    from faultloop.study.review import summarize
+    from faultloop.study.review_tables import print_review
 
     opened = open_log(log)
     summary = summarize(opened)

@@ -1,0 +1,253 @@
+"""A relay's part of a review: its trips on their way, elements, phasors, the faulted loop, peaks."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from faultloop.io.mcap_reader import Entry, Log
+from faultloop.io.messages import CHANNELS, LOOPS, POLES
+from faultloop.study.relay_rows import RelayRows, faulted_loop, last_before, steadiest
+
+Summary = dict[str, Any]
+
+
+def after_ms(t_ns: int | None, zero: int) -> float | None:
+    return None if t_ns is None else (t_ns - zero) / 1e6
+
+
+def number(value: float) -> float | None:
+    """A float, or None for what JSON cannot say."""
+    return float(value) if math.isfinite(value) else None
+
+
+def closed_poles(entry: Entry) -> str:
+    """Closed poles of a BreakerStatus: ``ABC``, ``BC``, empty."""
+    return "".join(pole for pole in POLES if entry.fields[f"pole_{pole.lower()}"])
+
+
+def relay_facts(rows: RelayRows) -> dict[str, Any]:
+    return {
+        "samples": len(rows),
+        "sampling_hz": number(rows.sampling_hz),
+        "first_ns": int(rows.t_ns[0]) if len(rows) else None,
+        "last_ns": int(rows.t_ns[-1]) if len(rows) else None,
+    }
+
+
+def trip_report(
+    log: Log, trip: Entry, breaker: str | None, frames: list[tuple[int, int]], zero: int
+) -> dict[str, Any]:
+    """A trip on its way: decided, received by the breaker, poles open.
+
+    Received is what counts as the trip time: the breaker's own word (BreakerStatus with command ``open``);
+    not before the relay's trip frame was on the bus, so that two relays at one breaker are told apart.
+    Where the log has no word of a breaker, the first frame on the bus.
+    """
+    poles = "".join(pole for bit, pole in enumerate(POLES) if trip.poles >> bit & 1)
+    frame = next((t for t, mask in frames if t >= trip.t_ns and mask & trip.poles), None)
+    states = [entry for entry in log.breaker_states if entry.source == breaker]
+    since = trip.t_ns if frame is None else frame
+    command = next((e.t_ns for e in states if e.command == "open" and e.t_ns >= since), None)
+    received, by = (command, "breaker") if command is not None else (frame, "CAN frame")
+    opened = _opened(states, poles, since)
+    done = max(opened.values()) if opened and len(opened) == len(poles) else None
+    return {
+        "function": trip.function,
+        "zone": trip.zone,
+        "loop": trip.loop,
+        "poles": poles,
+        "sample_count": trip.sample_count,
+        "decided_ns": trip.t_ns,
+        "decided_ms": after_ms(trip.t_ns, zero),
+        "breaker": breaker,
+        "received_ns": received,
+        "received_ms": after_ms(received, zero),
+        "received_by": by if received is not None else None,
+        "opened_ns": done,
+        "opened_ms": after_ms(done, zero),
+        "poles_opened_ns": opened,
+    }
+
+
+def _opened(states: list[Entry], poles: str, since: int) -> dict[str, int]:
+    """When each of ``poles`` was first seen open from ``since`` on."""
+    found: dict[str, int] = {}
+    for entry in states:
+        if entry.t_ns >= since:
+            closed = closed_poles(entry)
+            found |= {pole: entry.t_ns for pole in poles if pole not in closed and pole not in found}
+    return {pole: found[pole] for pole in poles if pole in found}
+
+
+def measured(
+    rows: RelayRows, summary: Summary, own: dict[str, Any], context: tuple[int | None, float, complex | None]
+) -> dict[str, Any]:
+    """Elements, phasors before and in the fault, the faulted loop, peaks, frequency."""
+    end_ns, cycle_ns, z1 = context
+    zero = summary["inception"]["t_ns"]
+    before, during = _instants(rows, summary, own, (end_ns, cycle_ns))
+    reference = None
+    for index in (before, during):
+        if index is not None and reference is None and abs(rows.phasors[index, 0]) > 0:
+            reference = float(np.angle(rows.phasors[index, 0]))
+    return {
+        "elements": _elements(rows, zero or 0),
+        "prefault": _phasors(rows, before, zero, reference),
+        "fault": _phasors(rows, during, zero, reference),
+        "loop": _loop(rows, during, summary, own["trips"], z1),
+        "load_ohm": _load(rows, before),
+        "peak_current": {name: _peak(rows, k, zero) for k, name in enumerate(CHANNELS[3:], 3)},
+        "frequency_hz": {
+            "prefault": None if before is None else number(rows.frequency[before]),
+            "fault": None if during is None else number(rows.frequency[during]),
+        },
+        "location": next(
+            (e["text"] for e in reversed(summary["events"]) if _is_location(e, rows.name)), None
+        ),
+    }
+
+
+def _is_location(event: dict[str, Any], relay: str) -> bool:
+    return event["source"] == relay and event["text"].startswith("RFLO")
+
+
+def _instants(
+    rows: RelayRows, summary: Summary, own: dict[str, Any], bounds: tuple[int | None, float]
+) -> tuple[int | None, int | None]:
+    """Rows just before the fault and where the fault state was steadiest; None where there is none.
+
+    The second lies at least one cycle after the last fault was applied (the estimators' window), before the
+    first pole opened or a fault went, and, where anything started, while it was still started: a record
+    without breakers says in no other way when the fault was over.  If the fault was over before a cycle had
+    passed, it is the last row before that.
+    """
+    end_ns, cycle_ns = bounds
+    zero = summary["inception"]["t_ns"]
+    if zero is None or not len(rows):
+        return (None if not len(rows) else last_before(rows, np.inf)), None
+    margin = 0 if summary["inception"]["source"] == "plant" else cycle_ns / 2
+    stop = float(end_ns) if end_ns is not None else float(rows.t_ns[-1] + 1)
+    for name, spans in rows.spans.items():
+        if name.endswith(".Str") and end_ns is None:
+            ends = [off for on, off in spans if on >= zero - margin and off is not None]
+            stop = min(stop, *ends) if ends and not any(off is None for _, off in spans) else stop
+    applied = [f["on_ns"] for f in summary["faults"] if f["on_ns"] < stop]
+    start = max([zero, *applied])
+    during = steadiest(rows, start + cycle_ns, stop, cycle_ns)
+    if during is None:
+        during = last_before(rows, stop)
+        during = during if during is not None and rows.t_ns[during] >= start else None
+    return last_before(rows, zero - margin), during
+
+
+def _elements(rows: RelayRows, zero: int) -> list[dict[str, Any]]:
+    """Every bit that ever was on, by the time it first was."""
+    out = []
+    for name, spans in rows.spans.items():
+        # The first time in the fault: a filter that settles at the start of the log is not what is asked for.
+        first, last = next((s for s in spans if s[0] >= zero), spans[0]), spans[-1]
+        out.append(
+            {
+                "name": name,
+                "first_ns": first[0],
+                "first_ms": after_ms(first[0], zero),
+                "last_off_ns": last[1],
+                "last_off_ms": after_ms(last[1], zero),
+                "times": len(spans),
+            }
+        )
+    return sorted(out, key=lambda element: (element["first_ns"], element["name"]))
+
+
+def _phasors(
+    rows: RelayRows, index: int | None, zero: int | None, reference: float | None
+) -> dict[str, Any] | None:
+    """RMS magnitudes and angles at a row; angles against VA before the fault."""
+    if index is None:
+        return None
+    found = {}
+    for channel, phasor in zip(CHANNELS, rows.phasors[index].tolist(), strict=True):
+        turned = phasor * np.exp(-1j * (reference or 0.0))
+        found[channel] = {"magnitude": abs(phasor), "angle_deg": math.degrees(np.angle(turned))}
+    t_ns = int(rows.t_ns[index])
+    return {"t_ns": t_ns, "ms": after_ms(t_ns, zero or 0), **found}
+
+
+def _ohm(z: complex) -> dict[str, Any]:
+    return {
+        "r_ohm": z.real,
+        "x_ohm": z.imag,
+        "magnitude_ohm": abs(z),
+        "angle_deg": math.degrees(math.atan2(z.imag, z.real)),
+    }
+
+
+def _loop(
+    rows: RelayRows,
+    index: int | None,
+    summary: Summary,
+    trips: list[dict[str, Any]],
+    z1: complex | None,
+) -> dict[str, Any] | None:
+    """The faulted loop's impedance; ``percent_of_line`` by its reactance, as relays without more do it."""
+    if index is None:
+        return None
+    types = [fault["type"] for fault in summary["faults"]]
+    found = faulted_loop(rows, index, [trip["loop"] for trip in trips], types[0] if types else None)
+    if found is None:
+        return None
+    z = complex(rows.loops[index, LOOPS.index(found[0])])
+    if not (math.isfinite(z.real) and math.isfinite(z.imag)):
+        return None
+    percent = 100 * z.imag / z1.imag if z1 is not None and z1.imag else None
+    return {"loop": found[0], "known_from": found[1], **_ohm(z), "percent_of_line": percent}
+
+
+def _load(rows: RelayRows, index: int | None) -> dict[str, Any] | None:
+    """Positive-sequence impedance before the fault."""
+    if index is None:
+        return None
+    turn = np.exp(2j * np.pi / 3 * np.arange(3))
+    v1, i1 = complex(rows.phasors[index, :3] @ turn), complex(rows.phasors[index, 3:] @ turn)
+    return _ohm(v1 / i1) if abs(i1) > 1e-9 else None
+
+
+def _peak(rows: RelayRows, channel: int, zero: int | None) -> dict[str, Any] | None:
+    """Greatest instantaneous value and greatest RMS phasor of a channel."""
+    size = np.abs(rows.samples[:, channel])
+    if not np.isfinite(size).any():
+        return None
+    at = int(np.nanargmax(size))
+    rms = np.abs(rows.phasors[:, channel])
+    return {
+        "instantaneous": float(size[at]),
+        "t_ns": int(rows.t_ns[at]),
+        "ms": after_ms(int(rows.t_ns[at]), zero or 0),
+        "rms": float(np.nanmax(rms)) if np.isfinite(rms).any() else None,
+    }
+
+
+def relay_warnings(rows: RelayRows, own: dict[str, Any], inception: dict[str, Any]) -> list[str]:
+    name = rows.name
+    if not len(rows):
+        return [f"{name}: no samples"]
+    out = []
+    bad = int((~np.isfinite(rows.samples)).any(axis=1).sum())
+    if bad:
+        out.append(f"{name}: {bad} of {len(rows)} samples are not numbers")
+    if not np.isfinite(rows.phasors).all(axis=1).any():
+        out.append(f"{name}: no phasor is a number")
+    gaps = int((np.diff(rows.t_ns) > 1.5 * rows.interval_ns).sum()) if len(rows) > 1 else 0
+    if gaps:
+        out.append(f"{name}: {gaps} gap{'s' if gaps > 1 else ''} in the samples")
+    for trip in own["trips"]:
+        if own["breaker"] is not None and trip["received_ns"] is None:
+            out.append(f"{name}: its breaker {own['breaker']} did not receive the trip of {trip['function']}")
+        elif own["breaker"] is not None and trip["opened_ns"] is None:
+            out.append(f"{name}: breaker {own['breaker']} did not open poles {trip['poles']} in this log")
+    if own["prefault"] is None and inception["t_ns"] is not None:
+        out.append(f"{name}: nothing before the fault; no pre-fault phasors")
+    return out

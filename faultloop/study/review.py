@@ -1,0 +1,284 @@
+"""What happened in a log: the fault, what each relay saw and did, the breakers, the bus.
+
+``summarize`` makes one JSON-able dict of it.  Times ``*_ns`` count from the start of the run and are the
+log's own; ``*_ms`` count from the fault's inception (from the start of the run where there is none).
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from faultloop.io.can.table import BY_IDENTIFIER, Kind
+from faultloop.io.mcap_reader import Log
+from faultloop.io.messages import FAULT_STATE, LEVELS
+from faultloop.study.relay_review import (
+    after_ms,
+    closed_poles,
+    measured,
+    relay_facts,
+    relay_warnings,
+    trip_report,
+)
+from faultloop.study.relay_rows import RelayRows, change_before, relay_rows
+
+Summary = dict[str, Any]
+
+
+def summarize(log: Log) -> Summary:
+    """Everything that ``faultloop review`` says of a log, as plain dicts, lists, numbers, texts and None.
+
+    Keys: log, inception, faults, relays (by name), breakers (by name), can, events, warnings.  A value that
+    the log does not give is None; nothing is guessed in silence: ``inception["source"]`` says where time zero
+    comes from.  Raises InputError where the log is damaged.
+    """
+    scenario = scenario_of(log)
+    relays = {name: relay_rows(log, name) for name in log.relays}
+    cycle_ns = 1e9 / _nominal_hz(log, scenario, relays)
+    inception = _inception(log, relays, cycle_ns)
+    zero = inception["t_ns"] or 0
+    places = {place["name"]: place for place in scenario.get("relay", ())}
+    breakers = {name: _breaker(log, name, zero) for name in log.breakers}
+    faults = _faults(log, scenario, zero)
+    summary: Summary = {
+        "log": _facts(log, scenario, relays),
+        "inception": inception,
+        "faults": faults,
+        "relays": {},
+        "breakers": breakers,
+        "can": _can(log),
+        "events": _events(log, zero),
+    }
+    end_ns = _clearing_ns(summary, relays)
+    order = [place["name"] for place in scenario.get("relay", ())] or list(log.relays)
+    for name, rows in relays.items():
+        trip_frames = _trip_frames(log, order.index(name) if name in order else None)
+        own = {
+            "line": places.get(name, {}).get("line"),
+            "breaker": places.get(name, {}).get("breaker"),
+            **relay_facts(rows),
+        }
+        own["trips"] = [
+            trip_report(log, trip, own["breaker"], trip_frames, zero)
+            for trip in log.trips
+            if trip.source == name
+        ]
+        own |= measured(rows, summary, own, (end_ns, cycle_ns, line_impedance(log, name)))
+        summary["relays"][name] = own
+    summary["warnings"] = _warnings(log, scenario, relays, summary)
+    return summary
+
+
+# -- where and when --------------------------------------------------------------------------------------
+
+
+def scenario_of(log: Log) -> dict[str, Any]:
+    """The scenario as the run put it into the log; empty where it is not there."""
+    try:
+        found = json.loads(log.metadata.get("scenario", {}).get("json", "{}"))
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _settings(log: Log, relay: str) -> dict[str, Any]:
+    """A relay's settings as the run put them into the log; empty where they are not there."""
+    try:
+        found = json.loads(log.metadata.get("settings", {}).get(relay, "{}"))
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _nominal_hz(log: Log, scenario: dict[str, Any], relays: dict[str, RelayRows]) -> float:
+    """Nominal frequency [Hz]: as the scenario or the settings have it, else 50 or 60 by what was measured."""
+    given = [scenario.get("system", {}).get("frequency_hz")]
+    given += [_settings(log, name).get("relay", {}).get("frequency_hz") for name in relays]
+    for value in given:
+        if isinstance(value, (int, float)) and value > 0:
+            return float(value)
+    measured = np.concatenate([rows.frequency for rows in relays.values()] or [np.empty(0)])
+    measured = measured[np.isfinite(measured)]
+    return 60.0 if len(measured) and float(np.median(measured)) > 55 else 50.0
+
+
+def line_impedance(log: Log, relay: str) -> complex | None:
+    settings = _settings(log, relay)
+    z1 = settings.get("line", {}).get("z1_ohm")
+    header = settings.get("relay", {})
+    if not isinstance(z1, list) or len(z1) != 2:
+        return None
+    ratio = 1.0
+    if header.get("ohms") == "secondary":
+        ratio = (header.get("vt_ratio") or 1.0) / (header.get("ct_ratio") or 1.0)
+    return complex(*z1) * ratio
+
+
+def _inception(log: Log, relays: dict[str, RelayRows], cycle_ns: float) -> dict[str, Any]:
+    """Time zero: the truth where the plant wrote it, else from the samples before the first pickup."""
+    applied = [entry.t_ns for entry in log.faults if entry.on]
+    if applied:
+        return {"t_ns": applied[0], "source": "plant", "text": "as the plant applied the fault"}
+    pickups = [(first, name) for name, rows in relays.items() if (first := rows.first_pickup()) is not None]
+    if not pickups:
+        text = "no fault in the log and no pickup: times count from the log's start"
+        return {"t_ns": None, "source": None, "text": text}
+    (t_ns, element), name = min(pickups)
+    changed = change_before(relays[name], t_ns, cycle_ns)
+    if changed is not None:
+        text = f"estimated: where the samples first changed before the first pickup ({name} {element})"
+        return {"t_ns": changed, "source": "samples", "text": text}
+    return {
+        "t_ns": t_ns,
+        "source": "pickup",
+        "text": f"estimated: the first pickup ({name} {element}); the fault began before it",
+    }
+
+
+def _clearing_ns(summary: Summary, relays: dict[str, RelayRows]) -> int | None:
+    """First time after the inception at which a pole opened or a fault went; None: never."""
+    zero = summary["inception"]["t_ns"]
+    if zero is None:
+        return None
+    times = [f["off_ns"] for f in summary["faults"]]
+    for breaker in summary["breakers"].values():
+        times += [op["t_ns"] for op in breaker["operations"] if op["opened"]]
+    return min((t for t in times if t is not None and t > zero), default=None)
+
+
+# -- the log, the faults, the breakers, the bus ----------------------------------------------------------
+
+
+def _facts(log: Log, scenario: dict[str, Any], relays: dict[str, RelayRows]) -> dict[str, Any]:
+    header = scenario.get("scenario", {})
+    ends = [int(rows.t_ns[-1]) for rows in relays.values() if len(rows)]
+    ends += [entry.t_ns for entry in (*log.breaker_states, *log.faults, *log.can[-1:], *log.trips)]
+    return {
+        "path": str(log.path),
+        "size_bytes": log.path.stat().st_size,
+        "scenario": header.get("name"),
+        "start": datetime.fromtimestamp(log.start_ns // 10**9, UTC).strftime("%Y-%m-%dT%H:%M:%S")
+        + f".{log.start_ns % 10**9:09d}Z",
+        "start_ns": log.start_ns,
+        "duration_s": max(ends, default=0) / 1e9,
+        "relays": list(log.relays),
+        "breakers": list(log.breakers),
+        "topics": len(log.topics),
+        "attachments": sorted(log.attachments),
+        "versions": log.metadata.get("versions", {}),
+        "recovered": "recovered" in log.metadata,
+    }
+
+
+def _faults(log: Log, scenario: dict[str, Any], zero: int) -> list[dict[str, Any]]:
+    """Each application of a fault: what, where (from the scenario), on and off."""
+    known = scenario.get("fault", ())
+    out: list[dict[str, Any]] = []
+    for entry in log.faults:
+        if not entry.on:
+            for fault in out:
+                if fault["fault"] == entry.fault and fault["off_ns"] is None:
+                    fault["off_ns"], fault["off_ms"] = entry.t_ns, after_ms(entry.t_ns, zero)
+            continue
+        told = known[entry.fault] if entry.fault < len(known) else {}
+        keys = ("name", "line", "bus", "at_pu", "at_km", "resistance_ohm", "ground_ohm")
+        out.append(
+            {
+                "fault": entry.fault,
+                "type": entry.type,
+                "on_ns": entry.t_ns,
+                "on_ms": after_ms(entry.t_ns, zero),
+                "off_ns": None,
+                "off_ms": None,
+            }
+            | {key: told[key] for key in keys if told.get(key) is not None}
+        )
+    return out
+
+
+def _breaker(log: Log, name: str, zero: int) -> dict[str, Any]:
+    """A breaker's state at the start, and every command and change since."""
+    states = [entry for entry in log.breaker_states if entry.source == name]
+    operations = []
+    for before, entry in zip([None, *states], states, strict=False):
+        was, now = ("" if before is None else closed_poles(before)), closed_poles(entry)
+        if before is None and not entry.command:
+            continue
+        operations.append(
+            {
+                "t_ns": entry.t_ns,
+                "ms": after_ms(entry.t_ns, zero),
+                "command": entry.command or None,
+                "opened": "".join(p for p in was if p not in now),
+                "closed": "".join(p for p in now if p not in was) if before is not None else "",
+                "poles_closed": now,
+            }
+        )
+    return {
+        "initially_closed": closed_poles(states[0]) if states else None,
+        "finally_closed": closed_poles(states[-1]) if states else None,
+        "operations": operations,
+    }
+
+
+def _can(log: Log) -> dict[str, Any]:
+    kinds: Counter[str] = Counter()
+    for entry in log.can:
+        kind = None if entry.extended else BY_IDENTIFIER.get(entry.id)
+        kinds["unknown" if kind is None else kind[0].name] += 1
+    order = [*(kind.name for kind in Kind), "unknown"]
+    return {"frames": sum(kinds.values()), "kinds": {k: kinds[k] for k in order if kinds[k]}}
+
+
+def _trip_frames(log: Log, number: int | None) -> list[tuple[int, int]]:
+    """Time and poles of the trip frames of the relay of this number that open something."""
+    if number is None:
+        return []
+    return [
+        (entry.t_ns, entry.data[1] >> 4 & 7)
+        for entry in log.can
+        if entry.id == Kind.TRIP + number and not entry.extended and len(entry.data) == 8
+        if entry.data[1] >> 4 & 7
+    ]
+
+
+def _events(log: Log, zero: int) -> list[dict[str, Any]]:
+    return [
+        {
+            "t_ns": entry.t_ns,
+            "ms": after_ms(entry.t_ns, zero),
+            "source": entry.name or entry.source,
+            "level": LEVELS[entry.level] if entry.level < len(LEVELS) else str(entry.level),
+            "text": entry.message,
+        }
+        for entry in log.events
+    ]
+
+
+# -- what a reader should be warned of -------------------------------------------------------------------
+
+
+def _warnings(
+    log: Log, scenario: dict[str, Any], relays: dict[str, RelayRows], summary: Summary
+) -> list[str]:
+    out = []
+    if summary["log"]["recovered"]:
+        out.append("this log was recovered from one that was cut off; its end is missing")
+    wanted = scenario.get("scenario", {}).get("duration_s")
+    if isinstance(wanted, (int, float)):
+        step = max((rows.interval_ns for rows in relays.values() if len(rows) > 1), default=0.0)
+        if summary["log"]["duration_s"] < wanted - 2 * step / 1e9:
+            got = summary["log"]["duration_s"]
+            out.append(f"the run ended early: {got:g} s of the scenario's {wanted:g} s are in the log")
+    if not relays:
+        out.append("the log has no relay")
+    for name, rows in relays.items():
+        out += relay_warnings(rows, summary["relays"][name], summary["inception"])
+    if relays and FAULT_STATE.topic not in log.topics and summary["inception"]["t_ns"] is not None:
+        out.append(f"the log does not say when the fault began; {summary['inception']['text']}")
+    noted = [e for e in summary["events"] if e["level"] in ("WARNING", "ERROR", "FATAL")]
+    return out + [f"{e['source']}: {e['text']}" for e in noted if not e["text"].startswith("PTRC")]
