@@ -80,24 +80,32 @@ def symbolic(count: int, pairs: Iterable[tuple[int, int]]) -> Structure:
 def factorize(structure: Structure, diagonal: NDArray[np.float64], lower: NDArray[np.float64]) -> None:
     """In place: ``diagonal`` (n, 9) and ``lower`` (blocks, 9) of the matrix become D^-1 and L."""
     product = np.empty(9)
-    column = np.empty((lower.shape[0], 9))
+    column = lower.copy()
     for i in range(diagonal.shape[0]):
         invert(diagonal[i])
         first, last = structure.pointer[i], structure.pointer[i + 1]
         for k in range(first, last):
-            column[k] = lower[k]
+            for c in range(9):
+                column[k, c] = lower[k, c]
             multiply(column[k], diagonal[i], lower[k])
         for k in range(first, last):
             for m in range(first, k + 1):
                 multiply_transposed(lower[k], column[m], product)
                 j, row = structure.row[m], structure.row[k]
                 if row == j:
-                    diagonal[j] -= product
+                    subtract(diagonal[j], product)
                     continue
                 at = structure.pointer[j]
                 while structure.row[at] != row:
                     at += 1
-                lower[at] -= product
+                subtract(lower[at], product)
+
+
+@njit
+def subtract(a: NDArray[np.float64], b: NDArray[np.float64]) -> None:
+    """a -= b, 3x3."""
+    for c in range(9):
+        a[c] -= b[c]
 
 
 @njit

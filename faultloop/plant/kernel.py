@@ -88,7 +88,8 @@ class Watch(NamedTuple):
     """The clock, and the poles that wait for a current zero."""
 
     clock: Ints
-    """(4,) step, steps per sample, step to stop at, row of the next sample"""
+    """(5,) step, steps per sample, step to stop at, row of the next sample, 1 while the present step has not
+    been delivered to the front ends"""
     armed: NDArray[np.bool_]
     """(switches, 3)"""
     zero: Floats
@@ -101,16 +102,18 @@ class Watch(NamedTuple):
 @njit
 def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEnds, samples: Floats) -> bool:
     """Steps to ``watch.clock[2]``, with each sample due put in ``samples`` (rows, relays, 6).  True where an
-    armed pole's current crossed zero: then the last step is on trial, and has given no sample."""
+    armed pole's current crossed zero: then the last step is on trial, and has not been delivered."""
     clock = watch.clock
+    if clock[4]:
+        arrive(net, factor, state, watch, front, samples)
     waiting = watch.armed.any()
     if waiting:
         switch_currents(net, factor, state)
     while clock[0] < clock[2]:
         if waiting:
-            state.old_v[:] = state.v
-            state.old_current[:] = state.current
+            keep(state)
         clock[0] += 1
+        clock[4] = 1
         renew_emf(net, state, clock[0])
         wave_histories(net, state, clock[0])
         inject(net, state)
@@ -123,14 +126,15 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
             first = state.current.shape[0] - net.switch_bus.shape[0]
             if crossings(watch, state.old_current[first:], state.current[first:]):
                 return True
-        arrive(net, factor, state, watch, front, samples)
+        if clock[0] % clock[1] == 0 or front.in_use[0]:  # a call costs 60 ns: it passes a hundred array fields
+            arrive(net, factor, state, watch, front, samples)
+        else:
+            clock[4] = 0
     return False
 
 
 @njit
-def commutate(
-    net: Network, factor: Factor, state: State, watch: Watch, front: FrontEnds, samples: Floats
-) -> bool:
+def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     """One step in which switches act, ``factor`` being the matrix after it, at ``watch.instant`` (0 .. 1) of
     the step; the state is the one at that instant.  True where an armed pole's current has a zero in the rest
     of the step.
@@ -142,8 +146,7 @@ def commutate(
     first = state.current.shape[0] - net.switch_bus.shape[0]
     before = state.current[first:].copy()
     for half in (0.5, 1.0):
-        state.old_v[:] = state.v
-        state.old_current[:] = state.current
+        keep(state)
         branch_histories(net, state, net.euler)
         exact_emf(net, state, step + (instant + half))
         wave_histories_at(net, state, watch, half)
@@ -151,24 +154,43 @@ def commutate(
         solve(net.structure, factor, state.v)
         branch_currents(net, state)
         wave_currents(net, state)
-    share = 1.0 - 2.0 * instant
-    state.v[:] = state.old_v + share * (state.v - state.old_v)
-    state.current[:] = state.old_current + share * (state.current - state.old_current)
+    between(state, 1.0 - 2.0 * instant)
     watch.clock[0] = step + 1
+    watch.clock[4] = 1
     branch_histories(net, state, net.trapezoid)
     wave_push(net, state, step + 1)
     switch_currents(net, factor, state)
-    late = crossings(watch, before, state.current[first:])
-    arrive(net, factor, state, watch, front, samples)
-    return late
+    return crossings(watch, before, state.current[first:])
 
 
 @njit
 def go_back(state: State, watch: Watch) -> None:
     """From the end of a step on trial to ``watch.instant`` of it, by linear interpolation."""
     watch.clock[0] -= 1
-    state.v[:] = state.old_v + watch.instant[0] * (state.v - state.old_v)
-    state.current[:] = state.old_current + watch.instant[0] * (state.current - state.old_current)
+    between(state, watch.instant[0])
+
+
+@njit
+def keep(state: State) -> None:
+    """Voltages and currents, before they are renewed."""
+    for i in range(state.v.shape[0]):
+        for p in range(3):
+            state.old_v[i, p] = state.v[i, p]
+    for i in range(state.current.shape[0]):
+        for p in range(3):
+            state.old_current[i, p] = state.current[i, p]
+
+
+@njit
+def between(state: State, share: float) -> None:
+    """Voltages and currents on the line from those kept (0) to the present ones (1)."""
+    for i in range(state.v.shape[0]):
+        for p in range(3):
+            state.v[i, p] = state.old_v[i, p] + share * (state.v[i, p] - state.old_v[i, p])
+    for i in range(state.current.shape[0]):
+        for p in range(3):
+            old = state.old_current[i, p]
+            state.current[i, p] = old + share * (state.current[i, p] - old)
 
 
 @njit
@@ -177,6 +199,7 @@ def arrive(
 ) -> None:
     """At the end of a step: the analog front ends, and a sample where one is due."""
     clock = watch.clock
+    clock[4] = 0
     due = clock[0] % clock[1] == 0
     if not (due or front.in_use[0]):
         return
@@ -234,7 +257,9 @@ def inject(net: Network, state: State) -> None:
     v, h, bus = state.v, state.history, net.branch_bus
     sources = net.emf.shape[0]
     ground = v.shape[0] - sources - 1
-    v[: ground + 1] = 0.0
+    for k in range(ground):
+        for p in range(3):
+            v[k, p] = 0.0
     for s in range(sources):
         m, g = bus[s, 1], net.trapezoid[s, 0]
         for p in range(3):
@@ -252,7 +277,8 @@ def inject(net: Network, state: State) -> None:
             v[k, 0] -= alpha + zero
             v[k, 1] -= zero - 0.5 * alpha + HALF_ROOT_3 * beta
             v[k, 2] -= zero - 0.5 * alpha - HALF_ROOT_3 * beta
-    v[ground] = 0.0
+    for p in range(3):
+        v[ground, p] = 0.0
 
 
 @njit(forceinline=True)
@@ -279,21 +305,22 @@ def branch_step(net: Network, state: State) -> None:
 def branch_histories(net: Network, state: State, coefficient: Floats) -> None:
     """Histories ``P v + K i`` of the present voltages and currents; ``coefficient`` (branches, 6)."""
     for b in range(net.branch_bus.shape[0]):
-        d = state.v[net.branch_bus[b, 0]] - state.v[net.branch_bus[b, 1]]
-        i = state.current[b]
-        common = coefficient[b, 3] * d.sum() + coefficient[b, 5] * i.sum()
+        v, w, i = state.v[net.branch_bus[b, 0]], state.v[net.branch_bus[b, 1]], state.current[b]
+        d = v[0] - w[0] + v[1] - w[1] + v[2] - w[2]
+        common = coefficient[b, 3] * d + coefficient[b, 5] * (i[0] + i[1] + i[2])
         for p in range(3):
-            state.history[b, p] = coefficient[b, 2] * d[p] + coefficient[b, 4] * i[p] + common
+            own = coefficient[b, 2] * (v[p] - w[p]) + coefficient[b, 4] * i[p]
+            state.history[b, p] = own + common
 
 
 @njit
 def branch_currents(net: Network, state: State) -> None:
     """``G v + h``."""
     for b in range(net.branch_bus.shape[0]):
-        d = state.v[net.branch_bus[b, 0]] - state.v[net.branch_bus[b, 1]]
-        common = net.trapezoid[b, 1] * d.sum()
+        v, w = state.v[net.branch_bus[b, 0]], state.v[net.branch_bus[b, 1]]
+        common = net.trapezoid[b, 1] * (v[0] - w[0] + v[1] - w[1] + v[2] - w[2])
         for p in range(3):
-            state.current[b, p] = net.trapezoid[b, 0] * d[p] + common + state.history[b, p]
+            state.current[b, p] = net.trapezoid[b, 0] * (v[p] - w[p]) + common + state.history[b, p]
 
 
 @njit(forceinline=True)
@@ -391,10 +418,10 @@ def switch_currents(net: Network, factor: Factor, state: State) -> None:
     """Through every pole and fault."""
     i = state.current[state.current.shape[0] - net.switch_bus.shape[0] :]
     for s in range(net.switch_bus.shape[0]):
-        d = state.v[net.switch_bus[s, 0]] - state.v[net.switch_bus[s, 1]]
-        y = factor.switch[s]
+        v, w, y = state.v[net.switch_bus[s, 0]], state.v[net.switch_bus[s, 1]], factor.switch[s]
+        d0, d1, d2 = v[0] - w[0], v[1] - w[1], v[2] - w[2]
         for p in range(3):
-            i[s, p] = y[3 * p] * d[0] + y[3 * p + 1] * d[1] + y[3 * p + 2] * d[2]
+            i[s, p] = y[3 * p] * d0 + y[3 * p + 1] * d1 + y[3 * p + 2] * d2
 
 
 @njit

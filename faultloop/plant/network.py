@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from faultloop.plant.circuit import GROUND, Branch, Circuit, Switch, WaveSection
 from faultloop.plant.factor import Factor, elimination_order, factorize, symbolic
-from faultloop.plant.kernel import EMF_BLOCK, Network
+from faultloop.plant.kernel import EMF_BLOCK, Network, State
 from faultloop.plant.lines import Pair
 
 CONTACT_OHM = 1e-4
@@ -120,6 +120,16 @@ class Model:
             switch_bus=ends(circuit.switches),
             rate=np.array([float(circuit.rate)]),
         )
+
+
+def renew_switch_currents(model: Model, factor: Factor, state: State) -> None:
+    """Brings the currents through poles and faults up to the present voltages (as the kernel does only where
+    it needs them)."""
+    ends = model.network.switch_bus
+    across = state.v[ends[:, 0]] - state.v[ends[:, 1]]
+    count = len(ends)
+    if count:
+        state.current[-count:] = np.einsum("spq,sq->sp", factor.switch.reshape(count, 3, 3), across)
 
 
 def branch_coefficients(branch: Branch, dt: float) -> NDArray[np.float64]:

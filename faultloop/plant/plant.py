@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from faultloop.plant import kernel
 from faultloop.plant.circuit import Circuit
 from faultloop.plant.frontend import SECTIONS, FrontEnds, front_ends, settle
 from faultloop.plant.kernel import State, Watch
-from faultloop.plant.network import Model
+from faultloop.plant.network import Model, renew_switch_currents
 from faultloop.plant.probe import Probe
 from faultloop.plant.steady import ROTATION, Steady, fill, steady_states
 from faultloop.plant.timing import FaultTime, fault_times
@@ -97,7 +97,7 @@ class Plant:
         self._buffer, self._state = _new_state(self._model, len(scenario.relay))
         switches = len(circuit.switches)
         self._watch = Watch(
-            clock=np.array([0, self.steps_per_sample, 0, 0], dtype=np.int64),
+            clock=np.array([0, self.steps_per_sample, 0, 0, 1], dtype=np.int64),
             armed=np.zeros((switches, 3), dtype=np.bool_),
             zero=np.zeros((switches, 3)),
             instant=np.zeros(2),
@@ -121,21 +121,19 @@ class Plant:
             raise ValueError(f"advance needs n >= 1, not {n}")
         if len(self._samples) < n:
             self._samples = np.empty((n, len(self.scenario.relay), 6))
-        clock = self._watch.clock
+        clock, network = self._watch.clock, self._model.network
         clock[3] = 0
         self.changes = []
-        if self.sample_count == 0:
-            kernel.arrive(self._model.network, *self._arguments())
         end = (self.sample_count + n - 1) * self.steps_per_sample
-        while clock[0] < end:
+        while clock[0] < end or clock[4]:
             now = int(clock[0])
-            due = [action for action in self._actions if action.step <= now]
-            if due:
+            due = [action for action in self._actions if action.step <= now < end]
+            if due and not clock[4]:
                 self._actions = tuple(action for action in self._actions if action.step > now)
                 self._act(due)
             else:
                 clock[2] = min([end, *(a.step for a in self._actions)])
-                if kernel.run(self._model.network, *self._arguments()):
+                if kernel.run(network, self._factor, self._state, self._watch, self._front, self._samples):
                     self._open_at_zero()
             if self.changes:
                 end = min(end, -(-int(clock[0]) // self.steps_per_sample) * self.steps_per_sample)
@@ -222,7 +220,7 @@ class Plant:
                 masks[action.switch] &= ~action.mask
         if tuple(masks) != self._masks:
             if self._watch.armed.any():
-                kernel.switch_currents(self._model.network, self._factor, self._state)
+                renew_switch_currents(self._model, self._factor, self._state)
             self._watch.instant[:] = 0
             self._commutate(tuple(masks))
 
@@ -250,15 +248,12 @@ class Plant:
                 self.changes.append(Change(t_ns, "fault", switch - len(self._breakers), int(bool(new))))
         self._masks = masks
         self._factor = self._model.factor(masks)
-        if kernel.commutate(self._model.network, *self._arguments()):
+        if kernel.commutate(self._model.network, self._factor, self._state, self._watch):
             # another pole's zero fell into the rest of the same step: it opens at the step's end, where its
             # current is less than one step's natural change
             for switch, poles in enumerate(self._watch.zero >= 0):
                 if mask := int(poles @ np.array([1, 2, 4])):
                     self._actions = (*self._actions, Action(step + 1, "break", switch, mask))
-
-    def _arguments(self) -> tuple[Any, ...]:
-        return self._factor, self._state, self._watch, self._front, self._samples
 
     def _fault_actions(self, index: int, time: FaultTime) -> list[Action]:
         switch = len(self._breakers) + index
@@ -286,8 +281,6 @@ class Plant:
     def _settle(self, steady: list[Steady]) -> None:
         """The state of an eternal run at step 0."""
         fill(self._model, steady, self._state)
-        kernel.branch_histories(self._model.network, self._state, self._model.network.trapezoid)
-        self._state.emf[:, 2] = -1
         front = self._front
         for s in steady:
             x = np.zeros((len(self.scenario.relay), 6), dtype=complex)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.plant import kernel
 from faultloop.plant.factor import Factor
 from faultloop.plant.kernel import State
-from faultloop.plant.network import Model
+from faultloop.plant.network import Model, renew_switch_currents
 
 Phases = NDArray[np.float64]
 """(3,) of phases A, B, C."""
@@ -18,7 +17,7 @@ class Probe:
     """Reads a plant's present values [V, A]; it changes nothing."""
 
     def __init__(self, model: Model, factor: Factor, state: State) -> None:
-        kernel.switch_currents(model.network, factor, state)  # the others are always up to date
+        renew_switch_currents(model, factor, state)  # the others are always up to date
         self._model, self._state = model, state
 
     def nodes(self) -> list[str]:

@@ -118,9 +118,14 @@ def _currents(model: Model, angle: float, v: Complex) -> Complex:
 
 
 def fill(model: Model, states: list[Steady], state: State) -> None:
-    """Puts the superposed steady states, as of step 0, into v, current and the rings; adds nothing else."""
+    """Puts the superposed steady states, as of step 0, into a state of zeros."""
     state.v[:] = sum(_phases(s.v) for s in states).real
     state.current[:] = sum(_phases(s.current) for s in states).real
+    state.emf[:, 2] = -1
+    net = model.network
+    across = state.v[net.branch_bus[:, 0]] - state.v[net.branch_bus[:, 1]]
+    # positive sequence has no sum, so only the own terms of P and K act
+    state.history[:] = net.trapezoid[:, 2:3] * across + net.trapezoid[:, 4:5] * state.current[: len(across)]
     first = len(model.circuit.branches)
     for w, section in enumerate(model.circuit.waves):
         offset, mask = model.network.wave_tap[w, :2]
