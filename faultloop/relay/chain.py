@@ -45,6 +45,11 @@ def protect(c, zones, s):
     phs.sequences(s.d, s.change)
     phs.select(c, s)
     rdir.decide(c, s)
+    s.memory.fed |= memory.current_differs(c, s.x, s.memory.reference)
+    if (
+        not s.memory.fed
+    ):  # a voltage alone is a voltage transformer's fault, or a fault that does not reach us
+        return False
     started = pdis.step_zones(c, zones, s)
     if started:
         rflo.step_location(c, s)

@@ -95,6 +95,7 @@ MEMORY = _record(
     ("moving", "i8"),  # something changed within the last cycle
     ("drift", "f8"),  # size2 of the change of all phasors within the last snapshot
     ("frozen", "i8"),  # a disturbance: the reference is kept from before it
+    ("fed", "i8"),  # a current has changed too, and not only a voltage
     ("age", "i8"),  # samples since
     ("calm", "i8"),  # samples in a row without a difference from the reference
     ("blind", "i8"),  # samples left after a pole opened

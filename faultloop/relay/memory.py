@@ -35,24 +35,26 @@ def positive_sequence(x):
 @njit
 def weight(c, d):
     """|dV|^2 + |Z1|^2 |dI|^2 of a change of six phasors: voltage and current on one scale [V^2]."""
-    return (
-        size2(d[0])
-        + size2(d[1])
-        + size2(d[2])
-        + size2(c.z1) * (size2(d[3]) + size2(d[4]) + size2(d[5]))
-    )
+    return size2(d[0]) + size2(d[1]) + size2(d[2]) + size2(c.z1) * (size2(d[3]) + size2(d[4]) + size2(d[5]))
+
+
+@njit
+def current_differs(c, x, reference):
+    """Whether a phase current differs from the reference by more than the [phs] pickups."""
+    i1 = (reference[3] + A * reference[4] + A2 * reference[5]) / 3
+    limit = max(c.pickup_current**2, c.pickup_current_pu**2 * size2(i1))
+    ia, ib, ic = x[3] - reference[3], x[4] - reference[4], x[5] - reference[5]
+    return size2(ia) > limit or size2(ib) > limit or size2(ic) > limit
 
 
 @njit
 def differs(c, x, reference):
-    """Whether any phase voltage or current differs from the reference by more than the [phs] pickups."""
-    i1 = (reference[3] + A * reference[4] + A2 * reference[5]) / 3
-    current = max(c.pickup_current**2, c.pickup_current_pu**2 * size2(i1))
-    voltage = max(c.pickup_voltage_pu**2 * size2(positive_sequence(reference)), 1e-2 * c.minimum_voltage**2)
-    for k in range(3):
-        if size2(x[k] - reference[k]) > voltage or size2(x[k + 3] - reference[k + 3]) > current:
-            return True
-    return False
+    """Whether a phase current or voltage differs from the reference by more than the [phs] pickups."""
+    limit = max(c.pickup_voltage_pu**2 * size2(positive_sequence(reference)), 1e-2 * c.minimum_voltage**2)
+    va, vb, vc = x[0] - reference[0], x[1] - reference[1], x[2] - reference[2]
+    if size2(va) > limit or size2(vb) > limit or size2(vc) > limit:
+        return True
+    return current_differs(c, x, reference)
 
 
 @njit
@@ -147,6 +149,7 @@ def remember(c, m, x, frequency):
 def freeze(m):
     """A disturbance: keep the reference from before it."""
     m.frozen = 1
+    m.fed = 0
     m.age = 0
     m.calm = 0
 

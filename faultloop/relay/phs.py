@@ -62,22 +62,37 @@ def classify(c, d, change):
 
 
 @njit
+def classify_without_load(c, s):
+    """The type if the load had gone: the currents as they are, the voltages' change."""
+    d = s.d.copy()
+    change = s.change.copy()
+    for k in range(3, 6):
+        d[k] = s.x[k]
+        change[k] = s.sequence[k]
+    return classify(c, d, change)
+
+
+@njit
 def select(c, s):
     """One sample of the phase selection, during a disturbance.
 
     A type must stand for a sixteenth of a cycle while the phasors stand still, or for half a cycle while
     the estimator is still on its way to the fault's state: on the way each phase has its own transient,
     and a three-phase fault can look like a two-phase one.  Once settled, the type is changed only while
-    something moves: a slow swing during a long fault is no new fault.
+    something moves - a slow swing during a long fault is no new fault - and not where the far end's opening
+    explains it, which takes the load away from the healthy phases.
     """
     p = s.selection
     candidate = classify(c, s.d, s.change)
+    settled = p.fault != 0 and s.memory.age >= 2 * c.cycle
+    if settled and candidate != p.fault and classify_without_load(c, s) == p.fault:
+        candidate = p.fault
     if candidate != p.candidate:
         p.candidate = candidate
         p.count = 0
     still = s.memory.drift < STILL**2 * weight(c, s.d)
     p.count += 8 if still or candidate == 7 else 1
-    if p.count * 2 >= c.cycle and (p.fault == 0 or s.memory.moving or s.memory.age < 2 * c.cycle):
+    if p.count * 2 >= c.cycle and (s.memory.moving or not settled):
         p.fault = candidate
 
 
