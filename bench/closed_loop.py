@@ -30,7 +30,7 @@ def bench_scenario(seconds: float) -> Scenario:
         ROOT / "scenarios" / "ag-zone1.toml",
         [
             f"scenario.duration_s={seconds}",
-            "fault.F1.after_s=0.5",
+            f"fault.F1.after_s={seconds - 0.4}",
             "relay.RA.settings=settings/ab-kalman.toml",
             "relay.RB.settings=settings/ab-kalman.toml",
         ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -21,28 +21,62 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Compare two logs: the first differing field and time.  Exit status 3 where they differ."""
-    from faultloop.cli.output import console, print_json, table
-    from faultloop.errors import InputError
+    from faultloop.cli.output import print_json
     from faultloop.io.diff import diff_logs
+    from faultloop.io.mcap_reader import open_log
 
-    tolerances = {}
-    for item in tolerance or []:
+    result = diff_logs(open_log(a), open_log(b), ignore or [], _tolerances(tolerance or []))
+    if json:
+        print_json(
+            {
+                "equal": result.equal,
+                "first": vars(result.first) if result.first else None,
+                "fields": [vars(field) for field in result.fields],
+                "topics": [{"topic": topic, "only_in": side} for topic, side in result.topics],
+                "information": result.information,
+            }
+        )
+    else:
+        _print(result)
+    return 0 if result.equal else 3
+
+
+def _tolerances(items: list[str]) -> dict[str, float]:
+    from faultloop.errors import InputError
+
+    found = {}
+    for item in items:
         field, equals, text = item.rpartition("=")
         try:
-            tolerances[field] = float(text)
+            found[field] = float(text)
         except ValueError:
             equals = ""
-        if not equals or not field or not tolerances[field] >= 0:
-            raise InputError(f"'{item}' is not FIELD=ABS with a number >= 0, as in va=0.1", key="--tolerance")
-    result = diff_logs(a, b, ignore=ignore or [], tolerances=tolerances)
-    if json:
-        print_json(result.as_dict())
-    else:
-        out = console()
-        out.print(str(result))
-        if result.fields:
-            rows = [
-                (f.field, f.count, f"{f.first_t_ns / 1e9:.6f}", f"{f.largest:.6g}") for f in result.fields
-            ]
-            out.print(table("Differing fields", ["field", ">messages", ">first at s", ">largest"], rows))
-    return 3 if result else 0
+        if not equals or not field:
+            raise InputError(f"'{item}' is not FIELD=ABS, as in va=0.1", key="--tolerance")
+    return found
+
+
+def _print(result: Any) -> None:
+    from faultloop.cli.output import console, table
+
+    out = console()
+    if result.equal:
+        out.print("no difference")
+    if result.first is not None:
+        first = result.first
+        out.print(f"first difference: {first.name} at {first.t_ns / 1e9:.9f} s: {first.a} and {first.b}")
+    for topic, side in result.topics:
+        out.print(f"{topic} is only in {'the first' if side == 'a' else 'the second'} log")
+    if result.fields:
+        rows = [
+            (
+                f.name,
+                f"{f.count} of {f.compared}",
+                f"{f.t_ns / 1e9:.9f}",
+                "" if f.largest is None else f"{f.largest:.6g}",
+            )
+            for f in result.fields
+        ]
+        out.print(table("\nDiffering fields", ["field", ">messages", ">first at s", ">largest"], rows))
+    for line in result.information:
+        out.print(line, style="dim", markup=False)

@@ -28,7 +28,7 @@ def command(
     """Write a log, or a part of it, in another format."""
     from faultloop.cli.output import print_json
     from faultloop.errors import InputError
-    from faultloop.io.log import open_log
+    from faultloop.io.mcap_reader import open_log
 
     if all(target is None for target in (comtrade, parquet, csv, can)):
         raise InputError("say what to write: --comtrade F.cfg, --parquet DIR, --csv DIR or --can F.blf")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from rich.console import Console
+from rich.console import Console, Group
 from rich.progress import Progress
 from rich.table import Table
 
@@ -20,14 +20,14 @@ def console() -> Console:
     return out if out.is_terminal else Console(highlight=False, width=160)
 
 
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Table:
+def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Group:
     """A plain table; columns that start with ``>`` are right-aligned."""
-    out = Table(title=title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
+    out = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
     for column in columns:
         out.add_column(column.removeprefix(">"), justify="right" if column.startswith(">") else "left")
     for row in rows:
         out.add_row(*[str(cell) for cell in row])
-    return out
+    return Group(f"[bold]{title}[/bold]", out)
 
 
 @contextmanager

@@ -9,7 +9,9 @@ import typer
 
 
 def command(
-    broken: Annotated[Path, typer.Argument(metavar="BROKEN.mcap", help="A log that was cut off.")],
+    broken: Annotated[
+        Path, typer.Argument(metavar="BROKEN.mcap", help="A log that was cut off (or its .part).")
+    ],
     out: Annotated[Path, typer.Argument(metavar="OUT.mcap", help="The whole log to write.")],
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
@@ -19,7 +21,7 @@ def command(
 
     result = recover_log(broken, out)
     if json:
-        print_json(result.as_dict())
+        print_json(vars(result))
     else:
         typer.echo(str(result))
     return 0

@@ -90,6 +90,8 @@ def diff_logs(
             result.topics.append((topic, "a" if side is a else "b"))
     for topic in shared:
         result.fields += _compare_topic(topic, a.array(topic), b.array(topic), ignore, tolerances)
+    # Of fields that differ at the same time the cause stands first: samples, phasors, loops, elements, ...
+    shared.sort(key=lambda topic: MESSAGES.index(message_of(topic)))
     order = {topic: place for place, topic in enumerate(shared)}
     result.fields.sort(key=lambda found: (found.t_ns, order[found.name.rpartition(".")[0]]))
     return result

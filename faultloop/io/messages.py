@@ -242,6 +242,8 @@ def source_of(topic: str) -> str:
 
 def message_of(topic: str) -> Message | None:
     """The message that the table puts under this topic, None for a topic that is not ours."""
+    if topic.endswith("/events"):  # the plant and the breakers have theirs, too
+        return EVENT
     source = source_of(topic)
     return next((message for message in MESSAGES if message.topic_for(source) == topic), None)
 
