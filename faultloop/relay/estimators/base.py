@@ -46,8 +46,8 @@ class Estimator:
     name : the method's name in a settings file.
     step : plain function or ``@njit``, ``step(state, x, out)`` as the module's docstring says.
     state : (k,) float64, the initial state; run a copy of it.
-    settling_samples : samples after which a step change of a pure sinusoid at f0 has been forgotten (to
-    1e-6).
+    settling_samples : samples from the start after which a pure sinusoid at f0 is within 0.1 %: the window of
+        a FIR estimator, which is then exact, or a cycle of a recursive one, which goes on converging.
     """
 
     name: str
@@ -94,7 +94,16 @@ def run_estimator(step: Callable[..., Any], state: Array, samples: Array, phasor
     state : (k,) float64, changed in place.
     samples : (n, 6) float64, C-contiguous, primary V and A.
     phasors : (n, 14) float64, C-contiguous, written.
+
+    Raises
+    ------
+    TypeError : arrays of another kind (checked here, once per block).
     """
+    for name, array in (("samples", samples), ("phasors", phasors)):
+        if array.dtype != np.float64 or array.ndim != 2 or not array.flags.c_contiguous:
+            raise TypeError(f"{name} should be two-dimensional C-contiguous float64, not {array.dtype}")
+    if len(samples) != len(phasors):
+        raise TypeError(f"{len(samples)} samples need as many rows of phasors, not {len(phasors)}")
     if is_compiled(step):
         run_block(step, state, samples, phasors)
         return

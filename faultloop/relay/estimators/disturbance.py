@@ -73,14 +73,17 @@ def header(sampling_hz: int, frequency_hz: float, noise_floor: float, detection_
 
     The estimator leaves P at zero: the first sample that is not zero is then a disturbance, and renews it.
 
-    Raises InputError for a floor that is not positive or a threshold below 10 (noise alone would pass it).
+    Raises InputError for a floor that is not positive, a threshold below 10 (noise alone would pass it), or
+    one that no first sample could pass (e^2 / S is then 1 / noise_floor^2).
     """
+    floor = number("noise_floor", noise_floor, above=0.0, most=0.2) ** 2
+    threshold = number("detection_threshold", detection_threshold, least=10.0, most=0.9 / floor)
     state = np.zeros(HEADER)
     state[SAMPLING_HZ] = sampling_hz
     state[FREQUENCY_HZ] = frequency_hz
-    state[THRESHOLD] = number("detection_threshold", detection_threshold, least=10.0)
+    state[THRESHOLD] = threshold
     state[VARIANCE_GAIN] = frequency_hz / sampling_hz
-    state[FLOOR] = number("noise_floor", noise_floor, above=0.0, most=1.0) ** 2
+    state[FLOOR] = floor
     state[LEVEL_DECAY] = 1.0 - frequency_hz / sampling_hz
     state[AGE] = 1e9
     return state
