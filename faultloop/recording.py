@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import importlib.metadata
+import platform
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from faultloop.errors import InputError
+from faultloop.io.can.dbc import DBC_PATH
 from faultloop.io.messages import ELEMENTS, LOOP_IMPEDANCES, PHASORS, SAMPLED_VALUES, array_dtype, values
+from faultloop.relay import RelaySettings
+from faultloop.scenario import Scenario
 
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
@@ -109,3 +116,65 @@ class Recorder:
     def abort(self) -> None:
         for sink in self.sinks:
             sink.abort()
+
+
+Metadata = dict[str, dict[str, str]]
+Attachments = dict[str, str | bytes]
+
+
+def open_sinks(
+    start_ns: int,
+    log: Path | str | None,
+    rerun: str | None,
+    name: str,
+    metadata: Metadata,
+    attachments: Attachments,
+) -> list[Sink]:
+    """The log and the rerun stream that are asked for; InputError where one cannot be opened."""
+    opened: list[Sink] = []
+    if rerun is not None:
+        from faultloop.io.rerun_sink import RerunSink
+
+        opened.append(RerunSink(rerun, start_ns, name))
+    if log is not None:
+        from faultloop.io.mcap_writer import LogWriter
+
+        try:
+            Path(log).parent.mkdir(parents=True, exist_ok=True)
+            opened.append(LogWriter(log, start_ns, metadata, attachments))
+        except OSError as error:
+            for sink in opened:
+                sink.abort()
+            raise InputError(f"cannot be written ({error.strerror or error})", file=log) from None
+    return opened
+
+
+def describe(
+    scenario: Scenario, settings: Mapping[str, RelaySettings], overrides: Sequence[str]
+) -> tuple[Metadata, Attachments]:
+    """Metadata records and attachments that let somebody repeat the run from its log."""
+    header = scenario.scenario
+    metadata = {
+        "scenario": {
+            "name": header.name,
+            "duration_s": f"{header.duration_s:g}",
+            "frequency_hz": str(scenario.system.frequency_hz),
+            "sampling_hz": str(scenario.system.sampling_hz),
+            "overrides": "\n".join(overrides),
+            "json": scenario.model_dump_json(by_alias=True),
+        },
+        "settings": {name: own.model_dump_json() for name, own in settings.items()},
+        "seed": {"seed": str(header.seed)},
+        "versions": versions(),
+    }
+    attachments: Attachments = {"scenario.toml": scenario.text} if scenario.text else {}
+    attachments |= {f"{name}.settings.toml": own.text for name, own in settings.items() if own.text}
+    attachments[DBC_PATH.name] = DBC_PATH.read_bytes()
+    return metadata, attachments
+
+
+def versions() -> dict[str, str]:
+    """Of everything that a result may depend on."""
+    packages = ("faultloop", "numpy", "numba", "llvmlite", "mcap")
+    found = {name: importlib.metadata.version(name) for name in packages}
+    return found | {"python": platform.python_version(), "machine": platform.machine()}

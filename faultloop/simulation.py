@@ -8,8 +8,6 @@ bit, as sample by sample.
 
 from __future__ import annotations
 
-import importlib.metadata
-import platform
 import signal
 import threading
 import time
@@ -20,12 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from faultloop.errors import InputError
-from faultloop.io.can.dbc import DBC_PATH
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport, open_transport
 from faultloop.nodes import FOREVER, BreakerNode, Command, RelayNode
 from faultloop.plant import Plant
-from faultloop.recording import MemorySink, Recorder, Sink
+from faultloop.recording import MemorySink, Recorder, Sink, describe, open_sinks
 from faultloop.relay import Relay, RelayInputs, RelaySettings, Trip, load_settings
 from faultloop.result import EventText, FaultChange, Result, TripReport, judge, pole_names
 from faultloop.scenario import RelayPlace, Scenario, load_scenario
@@ -358,7 +355,9 @@ def run(
         # Everything that can be wrong is found before the first file is opened.
         simulation = Simulation(scenario, relays, recorder, bus, pace)
         started = time.perf_counter()
-        recorder.sinks += _open_sinks(scenario, settings, overrides, log, rerun)
+        metadata, attachments = describe(scenario, settings, overrides)
+        start_ns = scenario.scenario.start_ns
+        recorder.sinks += open_sinks(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
         try:
             with _interruptible(simulation):
                 simulation.run(progress)
@@ -401,59 +400,6 @@ def _check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -
                     file=scenario.settings_path(place),
                     key=f"relay.{key}",
                 )
-
-
-def _open_sinks(
-    scenario: Scenario,
-    settings: Mapping[str, RelaySettings],
-    overrides: Sequence[str],
-    log: Path | str | None,
-    rerun: str | None,
-) -> list[Sink]:
-    opened: list[Sink] = []
-    start_ns = scenario.scenario.start_ns
-    if rerun is not None:
-        from faultloop.io.rerun_sink import RerunSink
-
-        opened.append(RerunSink(rerun, start_ns, name=scenario.scenario.name))
-    if log is not None:
-        from faultloop.io.mcap_writer import LogWriter
-
-        metadata, attachments = describe(scenario, settings, overrides)
-        Path(log).parent.mkdir(parents=True, exist_ok=True)
-        opened.append(LogWriter(log, start_ns, metadata, attachments))
-    return opened
-
-
-def describe(
-    scenario: Scenario, settings: Mapping[str, RelaySettings], overrides: Sequence[str]
-) -> tuple[dict[str, dict[str, str]], dict[str, str | bytes]]:
-    """Metadata records and attachments that let somebody repeat the run from its log."""
-    header = scenario.scenario
-    metadata = {
-        "scenario": {
-            "name": header.name,
-            "duration_s": f"{header.duration_s:g}",
-            "frequency_hz": str(scenario.system.frequency_hz),
-            "sampling_hz": str(scenario.system.sampling_hz),
-            "overrides": "\n".join(overrides),
-            "json": scenario.model_dump_json(by_alias=True),
-        },
-        "settings": {name: own.model_dump_json() for name, own in settings.items()},
-        "seed": {"seed": str(header.seed)},
-        "versions": versions(),
-    }
-    attachments: dict[str, str | bytes] = {"scenario.toml": scenario.text} if scenario.text else {}
-    attachments |= {f"{name}.settings.toml": own.text for name, own in settings.items() if own.text}
-    attachments[DBC_PATH.name] = DBC_PATH.read_bytes()
-    return metadata, attachments
-
-
-def versions() -> dict[str, str]:
-    """Of everything that a result may depend on."""
-    packages = ("faultloop", "numpy", "numba", "llvmlite", "mcap")
-    found = {name: importlib.metadata.version(name) for name in packages}
-    return found | {"python": platform.python_version(), "machine": platform.machine()}
 
 
 @contextmanager

@@ -39,7 +39,7 @@ def command(
 
         written += log_to_comtrade(opened, comtrade, relay=relay, revision=revision, format=format)
     if parquet is not None or csv is not None:
-        from faultloop.io.export_tables import write_csv, write_parquet
+        from faultloop.io.tables import write_csv, write_parquet
 
         written += write_parquet(opened, parquet) if parquet is not None else []
         written += write_csv(opened, csv) if csv is not None else []
