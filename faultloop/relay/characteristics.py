@@ -50,20 +50,19 @@ def _quad(settings: RelaySettings, zone: Pdis, reach: complex, ground: bool) -> 
         # In the loop's plane a resistance to ground is divided by 1 + k0 (no infeed from the far end).
         resistance /= abs(1 + settings.residual_compensation_factor)
     slope = math.tan(math.radians(zone.tilt_deg))
-    top_right = reach + _along(resistance, slope, reach)
-    top_left = reach + _along(-resistance, slope, reach)
+    along = complex(1 - slope * reach.real / reach.imag, -slope)  # the reactance line, per ohm of resistance
+    right, left = reach + resistance * along, reach - resistance * along
     if zone.direction == "none":
-        corners = [top_right, top_left, -top_right, -top_left]
+        return np.array([right, left, -right, -left, right])
+    low = -math.tan(math.radians(settings.rdir.minimum_angle_deg)) * resistance
+    border = complex(np.exp(1j * math.radians(settings.rdir.maximum_angle_deg)))
+    if _cross(left, border) > 0:  # the left blinder comes first; it goes down to the directional border
+        corners = [left, left - reach * _cross(left, border) / _cross(reach, border)]
     else:
-        low = -math.tan(math.radians(settings.rdir.minimum_angle_deg)) * resistance
-        left = complex(0, reach.imag) / math.tan(math.radians(settings.rdir.maximum_angle_deg))
-        left_foot = max(top_left.real, left.real)
-        corners = [0j, complex(resistance, low), top_right, complex(left_foot, top_left.imag), 0j]
-    corners.append(corners[0])
-    return np.array(corners)
+        corners = [reach - along * _cross(reach, border) / _cross(along, border)]
+    return np.array([0j, complex(resistance, low), right, *corners, 0j])
 
 
-def _along(resistance: float, slope: float, reach: complex) -> complex:
-    """From the reach point along the tilted reactance line to the blinder ``resistance`` away."""
-    x = -slope * resistance
-    return complex(resistance + x * reach.real / reach.imag, x)
+def _cross(a: complex, b: complex) -> float:
+    """Positive where b is to the left of a."""
+    return a.real * b.imag - a.imag * b.real

@@ -100,6 +100,7 @@ MEMORY = _record(
     ("calm", "i8"),  # samples in a row without a difference from the reference
     ("blind", "i8"),  # samples left after a pole opened
     ("frequency", "f8"),  # of the reference [Hz]
+    ("tracked", "i8"),  # how often it was updated
     ("rotor", "c16"),  # its turn per sample
     ("reference", "c16", (6,)),
 )

@@ -98,7 +98,8 @@ def snapshot(c, m, x, frequency):
     oldest = (m.head + 1) % c.snapshots
     f = m.ring_frequency[oldest]
     if abs(f - c.frequency) < 0.1 * c.frequency:  # false for NaN
-        m.frequency += 0.1 * (f - m.frequency)
+        m.tracked += 1
+        m.frequency += max(0.1, 1.0 / m.tracked) * (f - m.frequency)
     step = 2 * math.pi * (m.frequency - c.frequency) / c.sampling
     m.rotor = cmath.rect(1.0, step)
     turn = cmath.rect(1.0, step * (c.snapshot * (c.snapshots - 1)))

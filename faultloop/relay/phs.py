@@ -76,7 +76,7 @@ def classify_without_load(c, s):
 def select(c, s):
     """One sample of the phase selection, during a disturbance.
 
-    A type must stand for a sixteenth of a cycle while the phasors stand still, or for half a cycle while
+    A type must stand for a sixteenth of a cycle while the phasors stand still, or for a cycle while
     the estimator is still on its way to the fault's state: on the way each phase has its own transient,
     and a three-phase fault can look like a two-phase one.  Once settled, the type is changed only while
     something moves - a slow swing during a long fault is no new fault - and not where the far end's opening
@@ -91,8 +91,8 @@ def select(c, s):
         p.candidate = candidate
         p.count = 0
     still = s.memory.drift < STILL**2 * weight(c, s.d)
-    p.count += 8 if still or candidate == 7 else 1
-    if p.count * 2 >= c.cycle and (s.memory.moving or not settled):
+    p.count += 16 if still or candidate == 7 else 1
+    if p.count >= c.cycle and (s.memory.moving or not settled):
         p.fault = candidate
 
 

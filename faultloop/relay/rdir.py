@@ -1,17 +1,23 @@
 """RDIR: the direction of a fault, for every type and position, with the voltage gone too.
 
-Unbalanced faults: the negative-sequence impedance z2 = Re(V2 conj(I2 e^(j arg Z1))) / |I2|^2 is minus that
-of the source behind for a forward fault, and plus that of the line and the source ahead for a reverse one;
-half the line's impedance lies between the two however strong the sources are (Roberts and Guzman 1993).
-It needs no memory, load does not enter it, and it is greatest where the loop's own voltage is zero.  Where
-negative sequence is too small beside load, zero sequence decides in the same way.
+What a fault adds to a sequence network has V / I = -Zs of the source behind for a forward fault, and
+plus the impedance of the line and the source ahead for a reverse one; half the line's impedance lies between
+the two however strong the sources are (Roberts and Guzman 1993, for the negative sequence).  Load does not
+enter it, and it is greatest where the loop's own voltage is zero.  So the measure is
 
-Balanced faults have neither.  There the positive-sequence voltage, with a fifth of the remembered one mixed
-in so that it never vanishes, is compared with the current: forward within -15 .. 115 degrees, reverse
-opposite.  When the memory has faded and no voltage is left, the last direction stands.
+    z = Re(sum V (I e^(j arg Z1))*) / sum |I|^2
+
+- in the first two cycles over the change of positive and of negative sequence: every fault has the first,
+  and each is weighted by its current, so that a transient's share of negative sequence does not decide;
+- then over the negative sequence alone, which needs no memory; where it is too small beside load, over the
+  zero sequence with the line's Z0;
+- for a balanced fault that lasts longer, the positive-sequence voltage, with a fifth of the remembered one
+  mixed in so that it never vanishes, against the current: forward within -15 .. 115 degrees, reverse
+  opposite.  When the memory has faded and no voltage is left, the last direction stands.
 
 Why not the loop voltage with memory for everything: with load and fault resistance its angle wanders, and
-it depends on the memory; sequence quantities are the safer evidence where they exist.
+during the estimator's transient it starts from the load's direction; sequence changes are the safer evidence
+where they exist.
 """
 
 from __future__ import annotations
@@ -37,15 +43,19 @@ def polarizing_voltage(c, s):
 
 
 @njit
-def by_impedance(v, i, line, c):
-    """1 forward, -1 reverse, 0 between, from a sequence voltage and current and the line's impedance."""
-    size = size2(i)
-    line_size = abs(line)
+def projection(v, i, line):
+    """Re(V (I e^(j arg Z))*) |Z|, and so |I|^2 |Z| times the part of V / I along the line's angle."""
     axis = i * line
-    z = (v.real * axis.real + v.imag * axis.imag) / (size * line_size)
-    if z < c.z2_forward * line_size:
+    return v.real * axis.real + v.imag * axis.imag
+
+
+@njit
+def by_impedance(power, current2, line, c):
+    """1 forward, -1 reverse, 0 between, from the sums of `projection` and of |I|^2, and the line."""
+    z = power / (current2 * size2(line))
+    if z < c.z2_forward:
         return 1
-    return -1 if z > c.z2_reverse * line_size else 0
+    return -1 if z > c.z2_reverse else 0
 
 
 @njit
@@ -64,14 +74,24 @@ def decide(c, s):
     """One sample of the directional element, during a disturbance; sets ``s.direction``."""
     r = s.direction
     r.polarizing = polarizing_voltage(c, s)
+    if s.selection.fault == 0:
+        r.direction = 0
+        return
+    d = s.change
+    first = projection(d[1], d[4], c.z1) + projection(d[2], d[5], c.z1)
+    current2 = size2(d[4]) + size2(d[5])
+    floor = (0.1 * c.minimum_current) ** 2
+    if s.memory.age <= 2 * c.cycle and current2 > floor:
+        r.direction = by_impedance(first, current2, c.z1, c)
+        return
     v0, v1, v2, i0, i1, i2 = s.sequence
     if s.closed != 7:  # with a pole open only what the fault added tells
-        v0, i0, v2, i2 = s.change[0], s.change[3], s.change[2], s.change[5]
-    least = max(c.minimum_unbalance**2 * size2(i1), (0.1 * c.minimum_current) ** 2)
+        v0, i0, v2, i2 = d[0], d[3], d[2], d[5]
+    least = max(c.minimum_unbalance**2 * size2(i1), floor)
     if s.selection.fault != 7 and size2(i2) > least:
-        r.direction = by_impedance(v2, i2, c.z1, c)
+        r.direction = by_impedance(projection(v2, i2, c.z1), size2(i2), c.z1, c)
     elif s.selection.fault <= 3 and size2(i0) > least:
-        r.direction = by_impedance(v0, i0, c.z0, c)
+        r.direction = by_impedance(projection(v0, i0, c.z0), size2(i0), c.z0, c)
     elif size2(i1) > c.minimum_current**2 / 4:
         v = (1 - MEMORY_SHARE) * v1 + MEMORY_SHARE * r.polarizing
         if size2(v) > 0.01**2 * size2(positive_sequence(s.memory.reference)):
