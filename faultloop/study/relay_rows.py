@@ -74,7 +74,7 @@ class RelayRows:
             bits = getattr(self, word)
             ever = int(np.bitwise_or.reduce(bits)) if len(bits) else 0
             for place, name in enumerate(self.bits[word]):
-                if ever >> place & 1:
+                if name and ever >> place & 1:
                     on = (bits >> np.uint64(place) & np.uint64(1)).astype(bool)
                     found.setdefault(name, []).extend(spans_of(on, self.t_ns))
         return found

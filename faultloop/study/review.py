@@ -38,14 +38,15 @@ def summarize(log: Log) -> Summary:
     """
     scenario = scenario_of(log)
     relays = {name: relay_rows(log, name) for name in log.relays}
-    cycle_ns = 1e9 / _nominal_hz(log, scenario, relays)
+    nominal_hz = _nominal_hz(log, scenario, relays)
+    cycle_ns = 1e9 / nominal_hz
     inception = _inception(log, relays, cycle_ns)
     zero = inception["t_ns"] or 0
     places = {place["name"]: place for place in scenario.get("relay", ())}
     breakers = {name: _breaker(log, name, zero) for name in log.breakers}
     faults = _faults(log, scenario, zero)
     summary: Summary = {
-        "log": _facts(log, scenario, relays),
+        "log": _facts(log, scenario, relays) | {"nominal_hz": nominal_hz},
         "inception": inception,
         "faults": faults,
         "relays": {},
@@ -53,7 +54,7 @@ def summarize(log: Log) -> Summary:
         "can": _can(log),
         "events": _events(log, zero),
     }
-    end_ns = _clearing_ns(summary, relays)
+    end_ns = inception["cleared_ns"] = _clearing_ns(summary)
     order = [place["name"] for place in scenario.get("relay", ())] or list(log.relays)
     for name, rows in relays.items():
         trip_frames = _trip_frames(log, order.index(name) if name in order else None)
@@ -139,7 +140,7 @@ def _inception(log: Log, relays: dict[str, RelayRows], cycle_ns: float) -> dict[
     }
 
 
-def _clearing_ns(summary: Summary, relays: dict[str, RelayRows]) -> int | None:
+def _clearing_ns(summary: Summary) -> int | None:
     """First time after the inception at which a pole opened or a fault went; None: never."""
     zero = summary["inception"]["t_ns"]
     if zero is None:

@@ -1,0 +1,150 @@
+"""The R-X plane of a relay: zones, line, and the way of the six loops into the fault."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from faultloop.io.messages import LOOPS
+from faultloop.study.review_view import LOOP_COLOURS, RelayView, locus_ms
+
+Summary = dict[str, Any]
+Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+INK, FAINT, ZONE = "#222222", "#70757C", "#26436B"
+DOT_MS = 5.0
+
+
+def impedance_plane(
+    axes: Axes, known: tuple[complex | None, Zones], summary: Summary, view: RelayView
+) -> None:
+    """Draws it, from inception to the first pole's opening; ``known``: the line's z1 [ohm] and the zones."""
+    z1, zones = known
+    loop = view.facts["loop"]
+    shapes = zone_shapes(zones, loop)
+    _frame(axes, _extent(shapes, z1, view))
+    for shade, (zone, polygon) in enumerate(shapes.items()):
+        _zone(axes, zone, polygon, max(1 - 0.2 * shade, 0.35))
+    if z1 is not None:
+        axes.plot([0, z1.real], [0, z1.imag], color=INK, lw=2.2, marker="o", ms=4, zorder=3)
+        axes.annotate("line", (z1.real, z1.imag), (7, 1), textcoords="offset points", size=8.5, va="center")
+    _loci(axes, view, locus_ms(summary, view), loop["loop"] if loop else None)
+    if loop:
+        _final_point(axes, loop)
+    _load(axes, view.facts["load_ohm"])
+
+
+def zone_shapes(zones: Zones, loop: dict[str, Any] | None) -> dict[str, NDArray[np.float64]]:
+    """Each zone's polygon, if it has one: of the phase loops for a phase fault, else of the ground loops."""
+    phase = loop is not None and not loop["loop"].endswith("G")
+    shapes = {zone: polygons[phase] for zone, polygons in zones.items()}
+    return {zone: polygon for zone, polygon in shapes.items() if len(polygon) > 2}
+
+
+def _extent(
+    shapes: dict[str, NDArray[np.float64]], z1: complex | None, view: RelayView
+) -> NDArray[np.float64]:
+    """Corners (2, 2) of what must be seen: zones, line, the fault's impedance, the origin."""
+    points = [np.zeros((1, 2)), *shapes.values()]
+    points += [np.array([[z1.real, z1.imag]])] if z1 is not None else []
+    loop, load = view.facts["loop"], view.facts["load_ohm"]
+    if loop:
+        points.append(np.array([[loop["r_ohm"], loop["x_ohm"]]]))
+    elif len(points) == 1 and load:
+        points.append(1.3 * np.array([[load["r_ohm"], load["x_ohm"]]]))
+    every = np.concatenate(points)
+    return np.array([every.min(axis=0), every.max(axis=0)])
+
+
+def _frame(axes: Axes, extent: NDArray[np.float64]) -> None:
+    """Limits around the extent, an ohm equally long both ways."""
+    place, size = axes.get_position(), axes.get_figure(root=True).get_size_inches()  # type: ignore[union-attr]
+    box = np.array([place.width, place.height]) * size
+    span = np.maximum(1.26 * (extent[1] - extent[0]), 1.0)
+    span = box * (span / box).max()
+    low = extent.mean(axis=0) - span / 2
+    axes.set_xlim(low[0], low[0] + span[0])
+    axes.set_ylim(low[1], low[1] + span[1])
+    axes.set_aspect("equal", adjustable="box")
+    axes.axhline(0, color="#B5B9BF", lw=0.9, zorder=1)
+    axes.axvline(0, color="#B5B9BF", lw=0.9, zorder=1)
+    axes.set_xlabel("R [Ω primary]")
+    axes.set_ylabel("X [Ω primary]")
+
+
+def _zone(axes: Axes, zone: str, polygon: NDArray[np.float64], alpha: float) -> None:
+    axes.fill(*polygon.T, fc=ZONE, alpha=0.05, lw=0)
+    axes.plot(*polygon.T, color=ZONE, lw=1.4, alpha=alpha)
+    side = 1 if polygon[:, 1].mean() >= 0 else -1  # named on the shoulder away from the line and the locus
+    corner = polygon[np.argmax(side * (polygon @ (-0.75, 0.65)))]
+    axes.annotate(
+        zone, corner, (-3 * side, 1 * side), textcoords="offset points", size=8.5, color=ZONE,
+        ha="right" if side > 0 else "left", va="bottom" if side > 0 else "top", annotation_clip=True,
+    )  # fmt: skip
+
+
+def _loci(axes: Axes, view: RelayView, span: tuple[float, float], faulted: str | None) -> None:
+    inside = np.flatnonzero((view.ms >= span[0]) & (view.ms <= span[1]))
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    for k, name in enumerate(LOOPS):
+        z = view.rows.loops[inside, k]
+        main = name == faulted
+        colour = LOOP_COLOURS[name]
+        axes.plot(
+            z.real,
+            z.imag,
+            color=colour,
+            lw=2.2 if main else 0.9,
+            alpha=1 if main else 0.55,
+            zorder=2 + 2 * main,
+        )
+        last = z[np.isfinite(z)][-1:]
+        if main:
+            dots = z[
+                np.unique(
+                    np.searchsorted(view.ms[inside], np.arange(0, span[1], DOT_MS)).clip(max=len(z) - 1)
+                )
+            ]
+            axes.plot(dots.real, dots.imag, ls="", marker="o", ms=4.2, mfc="white", mec=colour, zorder=5)
+        elif len(last) and x0 < last[0].real < x1 and y0 < last[0].imag < y1:
+            at = (last[0].real, last[0].imag)
+            axes.annotate(name, at, (4, 4), textcoords="offset points", size=8, color=colour)
+    if faulted:
+        text = f"{faulted}: a dot every {DOT_MS:g} ms"
+        axes.text(0.985, 0.015, text, transform=axes.transAxes, size=8, color=FAINT, ha="right")
+
+
+def _final_point(axes: Axes, loop: dict[str, Any]) -> None:
+    percent = loop["percent_of_line"]
+    text = loop["loop"] + ("" if percent is None else f"  {percent:.1f} %")
+    at = (loop["r_ohm"], loop["x_ohm"])
+    axes.plot(*at, marker="*", ms=15, mfc="#FFD23F", mec=INK, zorder=6)
+    axes.annotate(
+        text, at, (-12, 0), textcoords="offset points", ha="right", va="center", weight="bold", size=10,
+        zorder=6, bbox={"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8},
+    )  # fmt: skip
+
+
+def _load(axes: Axes, load: dict[str, Any] | None) -> None:
+    """The load before the fault, or an arrow towards it where it lies outside."""
+    if load is None:
+        return
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    r, x = load["r_ohm"], load["x_ohm"]
+    text = f"load {load['magnitude_ohm']:.0f} Ω"
+    if x0 < r < x1 and y0 < x < y1:
+        axes.plot(r, x, marker="s", ms=6, mfc="white", mec=INK, zorder=5)
+        axes.annotate(text, (r, x), (7, 5), textcoords="offset points", size=8.5)
+        return
+    edges = [(x1 if r > 0 else x0) / r] if r else []
+    edges += [(y1 if x > 0 else y0) / x] if x else []
+    end = 0.985 * min(edges)  # as far along the ray from the origin as the frame lets it
+    tip, tail = (end * r, end * x), (0.84 * end * r, 0.84 * end * x)
+    style = {"arrowstyle": "-|>", "color": INK, "lw": 1.4, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", tip, tail, arrowprops=style, zorder=6)
+    side = "right" if r > 0 else "left"
+    axes.annotate(text, tip, (0, 7), textcoords="offset points", size=8.5, ha=side)

@@ -1,0 +1,186 @@
+"""What the picture and the page both show of a relay: time window, timeline, thinned waves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.study.relay_rows import RelayRows
+
+Summary = dict[str, Any]
+Kind = Literal["fault", "forward", "reverse", "start", "operate", "A", "B", "C"]
+
+# Phases and loops, apart from each other for the colour-blind too (Okabe and Ito 2008).
+PHASE_COLOURS = {"A": "#D55E00", "B": "#009E73", "C": "#0072B2"}
+LOOP_COLOURS = {
+    "AG": "#D55E00", "BG": "#009E73", "CG": "#0072B2", "AB": "#B8860B", "BC": "#56B4E9", "CA": "#CC79A7",
+}  # fmt: skip
+KIND_COLOURS: dict[Kind, str] = {
+    "fault": "#222222", "forward": "#8FA3B5", "reverse": "#D9B8C4", "start": "#9DB4D0", "operate": "#26436B",
+    "A": PHASE_COLOURS["A"], "B": PHASE_COLOURS["B"], "C": PHASE_COLOURS["C"],
+}  # fmt: skip
+KIND_NAMES: dict[Kind, str] = {
+    "fault": "applied", "forward": "forward", "reverse": "reverse", "start": "start", "operate": "operate",
+    "A": "pole A open", "B": "pole B open", "C": "pole C open",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Bar:
+    """A stretch of a timeline row [ms from inception], in one of its ``lanes``, counted from the top."""
+
+    start_ms: float
+    stop_ms: float
+    kind: Kind
+    name: str
+    lane: int = 0
+    lanes: int = 1
+
+
+@dataclass(frozen=True)
+class TimelineRow:
+    label: str
+    bars: list[Bar]
+
+
+@dataclass(frozen=True)
+class RelayView:
+    """One relay with times in ms from inception, as ``summary`` has it."""
+
+    rows: RelayRows
+    facts: dict[str, Any]
+    ms: NDArray[np.float64]
+    timeline: list[TimelineRow]
+
+
+def relay_view(rows: RelayRows, summary: Summary) -> RelayView:
+    zero = summary["inception"]["t_ns"] or 0
+    end_ms = (summary["log"]["duration_s"] * 1e9 - zero) / 1e6
+    return RelayView(
+        rows, summary["relays"][rows.name], (rows.t_ns - zero) / 1e6, _timeline(rows, summary, end_ms)
+    )
+
+
+def window_ms(summary: Summary) -> tuple[float, float]:
+    """The part of the log that a picture of the fault shows, the same for all relays.
+
+    From two cycles before the inception to two after the last pole had opened; without a trip to the fault's
+    end or the last reset.  Where there is no fault: the log, at most its first half second.
+    """
+    zero = summary["inception"]["t_ns"]
+    cycle = 1e3 / summary["log"]["nominal_hz"]
+    stop = (summary["log"]["duration_s"] * 1e9 - (zero or 0)) / 1e6
+    if zero is None:
+        return 0.0, max(min(stop, 500.0), 1.0)
+    relays = list(summary["relays"].values())
+    known = [t for own in relays for trip in own["trips"] for t in (trip["decided_ms"], trip["opened_ms"])]
+    if not any(t is not None for t in known):
+        known = [fault["off_ms"] for fault in summary["faults"]]
+        known += [e["last_off_ms"] for own in relays for e in own["elements"] if e["name"].endswith(".Str")]
+    last = max((t for t in known if t is not None), default=10 * cycle)
+    return max(-2 * cycle, -zero / 1e6), min(max(last, 2 * cycle) + 2 * cycle, max(stop, cycle))
+
+
+def thinned(y: NDArray[np.float64], points: int) -> NDArray[np.int64]:
+    """Indices of at most about ``points`` of y (n,): least and greatest of each bucket."""
+    buckets = points // 2
+    if len(y) <= points or buckets < 1:
+        return np.arange(len(y))
+    size = -(-len(y) // buckets)
+    padded = np.full(-(-len(y) // size) * size, np.nan)
+    padded[: len(y)] = y
+    cells = padded.reshape(-1, size)
+    first = np.arange(len(cells)) * size
+    low = first + np.where(np.isnan(cells), np.inf, cells).argmin(axis=1)
+    high = first + np.where(np.isnan(cells), -np.inf, cells).argmax(axis=1)
+    return np.unique(np.concatenate([[0], low, high, [len(y) - 1]]))
+
+
+def markers(summary: Summary, relay: str) -> list[tuple[float, str]]:
+    """Instants that a person looks for, [ms] and name: fault, trip (as received), poles open."""
+    found = [] if summary["inception"]["t_ns"] is None else [(0.0, "fault")]
+    trips = summary["relays"][relay]["trips"]
+    if trips:
+        trip = trips[0]
+        received = trip["received_ms"]
+        found.append((trip["decided_ms"], "decided") if received is None else (received, "trip"))
+        last = [t["opened_ms"] for t in trips if t["opened_ms"] is not None]
+        if last:
+            found.append((max(last), "poles open"))
+    return found
+
+
+def locus_ms(summary: Summary, view: RelayView) -> tuple[float, float]:
+    """The part of the loops' way that the R-X plane shows: from just before the inception to the first pole's
+    opening; in a record without breakers to the steady instant."""
+    zero, cleared = summary["inception"]["t_ns"], summary["inception"]["cleared_ns"]
+    if zero is None:
+        return window_ms(summary)
+    if cleared is not None:
+        return -1.0, (cleared - zero) / 1e6
+    fault = view.facts["fault"]
+    return -1.0, fault["ms"] if fault else window_ms(summary)[1]
+
+
+def _timeline(rows: RelayRows, summary: Summary, end_ms: float) -> list[TimelineRow]:
+    """Fault, direction, zones and other elements by name, trip logic, breaker."""
+    zero = summary["inception"]["t_ns"] or 0
+    found: dict[str, list[Bar]] = {}
+    for name, spans in rows.spans.items():
+        node, _, data = name.rpartition(".")
+        kind = KIND_OF_DATA.get(data, "start")
+        label = node if data in KIND_OF_DATA else name
+        found.setdefault(label, []).extend(
+            Bar((on - zero) / 1e6, end_ms if off is None else (off - zero) / 1e6, kind, name)
+            for on, off in spans
+        )
+    timeline = []
+    if summary["faults"]:
+        bars = [
+            Bar(f["on_ms"], end_ms if f["off_ms"] is None else f["off_ms"], "fault", f["type"])
+            for f in summary["faults"]
+        ]
+        timeline.append(TimelineRow("fault", bars))
+    for label in sorted(found, key=_place):
+        bars = sorted(found[label], key=lambda bar: bar.kind == "operate")  # operate over start
+        timeline.append(TimelineRow(label, bars))
+    breaker = summary["relays"][rows.name]["breaker"]
+    if breaker in summary["breakers"]:
+        bars = _open_poles(summary["breakers"][breaker], end_ms)
+        timeline.append(TimelineRow(breaker, bars))
+    return timeline
+
+
+KIND_OF_DATA: dict[str, Kind] = {
+    "Str": "start", "Op": "operate", "Tr": "operate", "DirFwd": "forward", "DirRev": "reverse",
+}  # fmt: skip
+
+
+def _place(label: str) -> tuple[int, int, str]:
+    """Direction and phase selection first, then the zones by number, then the rest, the trip logic last."""
+    order = ("RDIR", "PHS", "PDIS", "", "PTRC")
+    group = next((k for k, head in enumerate(order) if head and label.startswith(head)), 3)
+    digits = "".join(c for c in label.partition(".")[0] if c.isdigit())
+    return group, int(digits or 0), label
+
+
+def _open_poles(breaker: dict[str, Any], end_ms: float) -> list[Bar]:
+    """From a breaker's operations, when each pole was open."""
+    bars = []
+    poles: tuple[Kind, ...] = ("A", "B", "C")
+    for lane, pole in enumerate(poles):
+        closed = breaker["initially_closed"] is None or pole in breaker["initially_closed"]
+        since = None if closed else float("-inf")
+        for operation in breaker["operations"]:
+            is_open = pole not in operation["poles_closed"]
+            if is_open and since is None:
+                since = operation["ms"]
+            elif not is_open and since is not None:
+                bars.append(Bar(since, operation["ms"], pole, f"pole {pole} open", lane, 3))
+                since = None
+        if since is not None:
+            bars.append(Bar(since, end_ms, pole, f"pole {pole} open", lane, 3))
+    return bars
