@@ -1,0 +1,379 @@
+"""The rerun stream: the same calls as the log writer, shown as waveforms, phasors, R-X plane and timelines.
+
+rerun is imported when the first sink is made (0.3 s).  Samples are sent in blocks of 50 ms as columns: a call
+per sample costs 20 us, a row of a block under 1 us.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import socket
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pyarrow as pa
+
+from faultloop.errors import InputError
+from faultloop.io import messages
+from faultloop.io.mcap_reader import Log
+from faultloop.io.messages import (
+    BREAKER_STATUS,
+    CAN_FRAME,
+    EVENT,
+    FAULT_STATE,
+    LEVELS,
+    LOOPS,
+    POLES,
+    TRIP,
+    bit_names,
+    message_of,
+    source_of,
+)
+from faultloop.io.rerun_view import (
+    CLOCK,
+    LOCUS_HZ,
+    TIMELINE,
+    Characteristics,
+    blueprint,
+    draw_plane,
+    style_relay,
+    style_states,
+)
+
+BLOCK_NS = 50_000_000  # what is sent at once
+ROWS = 960  # of a block when a whole log is sent
+GRPC_PORT = 9876
+
+
+class RelayStream:
+    """What one relay has that is not sent yet, and what its bits were."""
+
+    def __init__(self, name: str, bits: Sequence[str], reach: float) -> None:
+        self.name = name
+        self.names = bit_names(tuple(bits))
+        self.elements = tuple(bits)
+        self.reach = reach  # [ohm] loci are drawn up to some times this
+        self.blocks: list[tuple[np.ndarray, ...]] = []
+        self.pickup = self.operate = 0
+        self.newest = {loop: np.full(2, np.nan) for loop in LOOPS}  # point of each locus
+
+
+class RerunSink:
+    """Streams a run to rerun.
+
+    Parameters
+    ----------
+    target : ``spawn`` (a viewer window), ``serve`` (a server on this machine that viewers connect to), a file
+        ``F.rrd`` (written aside and renamed on ``close``), or the URL of a viewer
+        (``rerun+http://127.0.0.1:9876/proxy``).
+    start_ns : start of the run [ns since 1970-01-01 UTC].
+    name : shown as the recording's name.
+
+    Attributes
+    ----------
+    url : where a viewer finds the stream (``serve``), else None.
+
+    Raises InputError for a target that is none of these or is not there, and without the package rerun-sdk.
+    """
+
+    def __init__(self, target: str, start_ns: int, name: str = "run") -> None:
+        try:
+            self._rr = importlib.import_module("rerun")
+        except ImportError as error:
+            raise InputError("rerun is not installed: pip install rerun-sdk", key="--rerun") from error
+        self.start_ns = start_ns
+        self.url: str | None = None
+        self._file: Path | None = None
+        self._stream = self._rr.RecordingStream("faultloop", send_properties=True)
+        self._open(target)
+        self._stream.send_recording_name(name)
+        self._relays: dict[str, RelayStream] = {}
+        self._states: set[str] = set()
+        self._texts: dict[str, list[tuple[int, str, str]]] = {}
+        self._documents: list[str] = []
+        self._layout_due = True
+
+    # -- where it goes -------------------------------------------------------------------------------
+
+    def _open(self, target: str) -> None:
+        if target == "spawn":
+            self._spawn()
+        elif target == "serve":
+            sink = self._rr.GrpcServerSink(bind_ip="127.0.0.1", port=GRPC_PORT, server_memory_limit="2GiB")
+            self._connect(sink, f"port {GRPC_PORT} is in use; is another viewer or server running?")
+            self.url = f"rerun+http://127.0.0.1:{GRPC_PORT}/proxy"
+        elif target.endswith(".rrd"):
+            self._file = Path(target)
+            self._part = self._file.with_name(self._file.name + ".part")
+            try:
+                self._part.open("wb").close()
+            except OSError as error:
+                raise InputError(f"cannot be written: {error.strerror}", file=target) from error
+            self._connect(self._rr.FileSink(str(self._part)), "cannot be written")
+        elif target.startswith(("rerun://", "rerun+http://", "rerun+https://")):
+            where = urlsplit(target.replace("rerun+", "").replace("rerun://", "https://"))
+            try:  # a connection to no viewer would not fail, it would wait for ever
+                socket.create_connection((where.hostname or "", where.port or 443), timeout=3).close()
+            except OSError as error:
+                raise InputError(
+                    f"no viewer answers at {target}: start one with `rerun`", key="--rerun"
+                ) from error
+            self._connect(self._rr.GrpcSink(target), f"{target} is no address of a rerun viewer")
+        else:
+            raise InputError(
+                f"{target!r} is no rerun target; known: spawn, serve, FILE.rrd, rerun+http://HOST:PORT/proxy",
+                key="--rerun",
+            )
+
+    def _connect(self, sink: Any, says: str) -> None:
+        try:
+            self._stream.set_sinks(sink)
+        except (ValueError, RuntimeError, OSError) as error:
+            raise InputError(f"rerun: {says}", key="--rerun") from error
+
+    def _spawn(self) -> None:
+        experimental = importlib.import_module("rerun.experimental")
+        command = Path(importlib.import_module("rerun_cli").__file__ or "")
+        program = next((p for p in command.parent.glob("rerun*") if p.suffix in ("", ".exe")), None)
+        try:  # the package's own program: the one on PATH may be another version, or not there
+            experimental.ViewerClient.spawn(executable_path=str(program) if program else None, port=GRPC_PORT)
+        except (RuntimeError, OSError) as error:
+            raise InputError(
+                f"rerun's viewer does not start ({error}); is there a display?", key="--rerun"
+            ) from error
+        self._connect(self._rr.GrpcSink(f"rerun+http://127.0.0.1:{GRPC_PORT}/proxy"), "no viewer")
+
+    # -- the calls of the log writer -----------------------------------------------------------------
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Makes a metadata record a property of the recording."""
+        self._stream.send_property(name, self._rr.AnyValues(**values))
+
+    def add_attachment(self, name: str, data: str | bytes) -> None:
+        """Shows a TOML file beside the events; leaves out anything else."""
+        if name.endswith(".toml"):
+            text = data if isinstance(data, str) else data.decode("utf-8", "replace")
+            path = self._path("document", name)
+            document = self._rr.TextDocument(f"```toml\n{text}\n```", media_type="text/markdown")
+            self._stream.log(path, document, static=True)
+            self._documents.append(path)
+            self._layout_due = True
+
+    def add_relay(
+        self, name: str, bits: Sequence[str], characteristics: Characteristics | None = None
+    ) -> None:
+        """Makes the views of a relay; arguments as in ``LogWriter.add_relay``."""
+        reach = draw_plane(self._rr, self._stream, self._path("relay", name), characteristics or {})
+        style_relay(self._rr, self._stream, self._path("relay", name))
+        self._relays[name] = RelayStream(name, bits, reach)
+        self._layout_due = True
+
+    def relay_block(
+        self,
+        name: str,
+        t_ns: np.ndarray,
+        sample_count: np.ndarray,
+        samples: np.ndarray,
+        phasors: np.ndarray,
+        loops: np.ndarray,
+        pickup: np.ndarray,
+        operate: np.ndarray,
+    ) -> None:
+        """Takes a block as ``LogWriter.relay_block`` does; sends it when 50 ms are together."""
+        if not len(t_ns):
+            return
+        relay = self._relays[name]
+        relay.blocks.append(tuple(np.array(a) for a in (t_ns, samples, phasors, loops, pickup, operate)))
+        if relay.blocks[-1][0][-1] - relay.blocks[0][0][0] >= BLOCK_NS:
+            self._send(relay)
+
+    def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
+        """Shows a rare message: breakers and faults as lanes, trips, events and frames as text."""
+        if message_name == BREAKER_STATUS.name:
+            self._breaker(source_of(topic), t_ns, fields)
+        elif message_name == FAULT_STATE.name:
+            lane = self._path("state", "fault", str(fields.get("fault", 0)))
+            self._state(lane, [t_ns], [fields.get("type", "on") if fields.get("on") else None])
+        elif message_name in (EVENT.name, EVENT.full_name):
+            level = fields.get("level", "INFO")
+            level = level if isinstance(level, str) else LEVELS[level]
+            text = f"{fields.get('name', '')}: {fields.get('message', '')}".removeprefix(": ")
+            self._text("events", t_ns, text, level)
+        elif message_name == TRIP.name:
+            zone = f" zone {fields['zone']}" if fields.get("zone") else ""
+            text = f"{source_of(topic)}: trip {fields.get('function', '')}{zone} {fields.get('loop', '')}"
+            self._text("events", t_ns, text.rstrip(), "WARNING")
+        elif message_name == CAN_FRAME.name:
+            data = bytes(fields.get("data", b""))
+            text = f"{fields.get('id', 0):03X}  [{len(data)}]  {data.hex(' ')}  {fields.get('sender', '')}"
+            self._text("can", t_ns, text.rstrip(), fields.get("direction", "").upper() or "TRACE")
+
+    def flush(self) -> None:
+        """Sends everything held."""
+        for relay in self._relays.values():
+            self._send(relay)
+        self._send_texts()
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Sends the rest.  A file gets its name; a server goes on serving until the program ends."""
+        self.flush()
+        if self._file is not None:
+            self._stream.disconnect()
+            self._part.replace(self._file)
+
+    def wait(self) -> None:
+        """Serves until the user interrupts; returns at once if this sink is no server."""
+        with contextlib.suppress(KeyboardInterrupt):
+            while self.url is not None:
+                time.sleep(0.5)
+
+    def abort(self) -> None:
+        """Sends the rest and leaves a file as ``F.rrd.part``."""
+        self.flush()
+        if self._file is not None:
+            self._stream.disconnect()
+
+    # -- sending -------------------------------------------------------------------------------------
+
+    def _path(self, *parts: str) -> str:
+        return self._rr.new_entity_path(list(parts))
+
+    def _times(self, t_ns: np.ndarray) -> list[Any]:
+        return [
+            self._rr.TimeColumn(TIMELINE, duration=t_ns.astype("timedelta64[ns]")),
+            self._rr.TimeColumn(CLOCK, timestamp=(t_ns + self.start_ns).astype("datetime64[ns]")),
+        ]
+
+    def _send(self, relay: RelayStream) -> None:
+        if not relay.blocks:
+            return
+        self._lay_out()
+        self._send_texts()
+        t_ns, samples, phasors, loops, pickup, operate = (
+            np.concatenate(parts) for parts in zip(*relay.blocks, strict=True)
+        )
+        relay.blocks = []
+        times, path = self._times(t_ns), self._path("relay", relay.name)
+        with np.errstate(over="ignore"):
+            magnitude = np.hypot(phasors[:, 0:12:2], phasors[:, 1:12:2])
+        series = {
+            "voltage": samples[:, :3] / 1e3,
+            "current": samples[:, 3:] / 1e3,
+            "voltage_rms": magnitude[:, :3] / 1e3,
+            "current_rms": magnitude[:, 3:] / 1e3,
+            "frequency": phasors[:, 12:13],
+        }
+        for name, values in series.items():
+            columns = self._rr.Scalars.columns(scalars=values.ravel())
+            lengths = np.full(len(values), values.shape[1])
+            self._stream.send_columns(f"{path}/{name}", times, columns.partition(lengths))
+        self._send_loci(relay, path, t_ns, loops)
+        self._send_bits(relay, t_ns, pickup, operate)
+
+    def _send_loci(self, relay: RelayStream, path: str, t_ns: np.ndarray, loops: np.ndarray) -> None:
+        """The six impedances: a step from each drawn point to the next, and the newest point.
+
+        A point that is not defined, or far out of the picture (load), clears the newest and leaves a gap.
+        """
+        every = max(1, round(len(t_ns) * 1e9 / LOCUS_HZ / (t_ns[-1] - t_ns[0] + 1)))
+        rows = np.arange(0, len(t_ns), every)
+        times = self._times(t_ns[rows])
+        for place, loop in enumerate(LOOPS):
+            points = loops[rows, 2 * place : 2 * place + 2]
+            before = np.vstack((relay.newest[loop], points[:-1]))
+            relay.newest[loop] = points[-1]
+            near = (np.abs(points) < 4 * relay.reach).all(axis=1)  # NaN is not
+            whole = near & (np.abs(before) < 4 * relay.reach).all(axis=1)
+            now = self._rr.Points2D.columns(positions=points[near]).partition(near.astype(int))
+            self._stream.send_columns(f"{path}/plane/now/{loop}", times, now)
+            if whole.any():
+                steps = self._rr.LineStrips2D.columns(strips=np.stack((before, points), axis=1)[whole])
+                self._stream.send_columns(f"{path}/plane/locus/{loop}", self._times(t_ns[rows][whole]), steps)
+
+    def _send_bits(
+        self, relay: RelayStream, t_ns: np.ndarray, pickup: np.ndarray, operate: np.ndarray
+    ) -> None:
+        """One lane per element that has ever started: what it does, at its changes."""
+        before = (
+            np.append(np.uint64(relay.pickup), pickup[:-1]),
+            np.append(np.uint64(relay.operate), operate[:-1]),
+        )
+        changed = (before[0] ^ pickup) | (before[1] ^ operate)
+        for bit, element in enumerate(relay.elements):
+            mask = np.uint64(1 << bit)
+            rows = np.flatnonzero(changed & mask)
+            if not len(rows):
+                continue
+            started, acting = relay.names["pickup"][bit], relay.names["operate"][bit]
+            states = [
+                acting.rpartition(".")[2] or "Op"
+                if operate[row] & mask
+                else started.rpartition(".")[2]
+                if pickup[row] & mask
+                else None
+                for row in rows
+            ]
+            self._state(self._path("state", relay.name, element), t_ns[rows], states)
+        relay.pickup, relay.operate = int(pickup[-1]), int(operate[-1])
+
+    def _breaker(self, name: str, t_ns: int, fields: Mapping[str, Any]) -> None:
+        """One lane per breaker: closed, open, or the poles that are."""
+        closed = "".join(pole for pole in POLES if fields.get(f"pole_{pole.lower()}"))
+        state = {"ABC": "closed", "": "open"}.get(closed, f"{closed} closed")
+        self._state(self._path("state", "breaker", name), [t_ns], [state])
+
+    def _state(self, path: str, t_ns: Sequence[int] | np.ndarray, states: list[str | None]) -> None:
+        if path not in self._states:
+            self._states.add(path)
+            style_states(self._rr, self._stream, path)
+        # As an Arrow array: a None in a list would become the text "None" instead of a gap.
+        column = self._rr.StateChange.columns(state=pa.array(states, pa.string()))
+        self._stream.send_columns(path, self._times(np.asarray(t_ns, np.int64)), column)
+
+    def _text(self, path: str, t_ns: int, text: str, level: str) -> None:
+        self._texts.setdefault(path, []).append((t_ns, f"{t_ns / 1e6:10.3f} ms  {text}", level))
+
+    def _send_texts(self) -> None:
+        """Together: a call for one line costs 0.3 ms."""
+        for path, lines in self._texts.items():
+            t_ns, texts, levels = zip(*lines, strict=True)
+            columns = self._rr.TextLog.columns(text=texts, level=levels)
+            self._stream.send_columns(path, self._times(np.array(t_ns)), columns)
+        self._texts = {}
+
+    def _lay_out(self) -> None:
+        """Sends the layout when there is something new to lay out."""
+        if self._layout_due:
+            reaches = {name: relay.reach for name, relay in self._relays.items()}
+            self._stream.send_blueprint(blueprint(self._rr, reaches, self._documents))
+            self._layout_due = False
+
+
+def log_to_rerun(log: Log, target: str) -> RerunSink:
+    """Shows a whole log; ``target`` as for ``RerunSink``.  With ``serve``, ``wait`` on what is returned."""
+    sink = RerunSink(target, log.start_ns, name=log.metadata.get("scenario", {}).get("name") or log.path.stem)
+    for name, values in log.metadata.items():
+        sink.add_metadata(name, values)
+    for name, data in log.attachments.items():
+        sink.add_attachment(name, data)
+    for relay in log.relays:
+        bits = [name.removesuffix(".Str") for name in log.bits(relay)["pickup"]]
+        sink.add_relay(relay, bits, log.characteristics(relay))
+    for entry in log.entries(BREAKER_STATUS, FAULT_STATE, EVENT, TRIP, CAN_FRAME):
+        message = message_of(entry.topic)
+        assert message is not None  # entries() gives our own messages only
+        sink.message(entry.topic, entry.t_ns, message.name, **entry.fields)
+    for relay in log.relays:
+        samples, elements = log.samples(relay), log.elements(relay)
+        floats = [messages.values(rows) for rows in (samples, log.phasors(relay), log.loops(relay))]
+        whole = (samples["t_ns"], samples["sample_count"], *floats, elements["pickup"], elements["operate"])
+        for start in range(0, len(samples), ROWS):
+            sink.relay_block(relay, *(array[start : start + ROWS] for array in whole))
+    sink.close()
+    return sink
