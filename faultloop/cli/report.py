@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from faultloop.cli.output import console, table
-from faultloop.result import Result, delay_ms
+from faultloop.result import Result, delay_ms, pole_names
+from faultloop.study.replay import ReplayResult
 
 
 def result_as_dict(result: Result) -> dict[str, Any]:
@@ -99,3 +100,24 @@ def event_rows(result: Result) -> list[tuple[str, str, str]]:
 
 def _percent(part: float | None) -> str:
     return "-" if part is None or part != part else f"{100 * part:.1f} %"
+
+
+def print_replay(result: ReplayResult) -> None:
+    """The replay in a screenful."""
+    out = console()
+    out.print(f"[bold]{result.record.name}[/bold]: {result.duration_ns / 1e9:g} s played into the relay")
+    for note in result.notes:
+        out.print(note, style="dim", markup=False)
+    rows = [(f"{e.t_ns / 1e6:.2f}", e.text) for e in result.events if e.text not in result.notes]
+    out.print(table("\nEvents", [">ms", "what"], rows))
+    out.print()
+    for t in result.trips:
+        out.print(
+            f"trip: {t.function} (zone {t.zone}) loop {t.loop} poles {pole_names(t.poles)}"
+            f" at {t.t_ns / 1e6:.2f} ms"
+        )
+    if not result.trips:
+        out.print("no trip")
+    out.print(f"fault location: {_percent(result.fault_location)} of the line")
+    if result.log is not None:
+        out.print(f"log: {result.log}")

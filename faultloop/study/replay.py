@@ -10,6 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError, nearest
+from faultloop.io.comtrade.read import read_comtrade
+from faultloop.io.comtrade.record import Record
+from faultloop.io.comtrade.resample import resample
+from faultloop.io.comtrade.select import SLOTS, select_channels
 from faultloop.io.mcap_reader import open_log
 from faultloop.recording import Attachments, MemorySink, Metadata, Recorder, open_sinks, versions
 from faultloop.relay import Relay, RelaySettings, load_settings
@@ -256,3 +260,26 @@ def _describe(record: Path, settings: RelaySettings, mapping: str | None) -> tup
         "versions": versions(),
     }
     return metadata, {f"{NAME}.settings.toml": settings.text} if settings.text else {}
+
+
+def _from_comtrade(record: Path, settings: RelaySettings, mapping: str | None) -> Played:
+    """Six channels of a COMTRADE record on the relay's own clock, in primary volts and amperes.
+
+    Where the record is secondary and does not state its ratios, the settings' ratios are taken.
+    """
+    read = read_comtrade(record)
+    ratios = {}
+    if settings.relay.ohms == "secondary" and not _states_ratios(read):
+        ratios = {"ct_ratio": settings.relay.ct_ratio, "vt_ratio": settings.relay.vt_ratio}
+    try:
+        six = resample(select_channels(read, mapping, **ratios), settings.relay.sampling_hz)
+    except InputError as error:
+        raise error.within(record) from None
+    names = ", ".join(f"{slot} = {name}" for slot, name in zip(SLOTS, six.names, strict=True) if name)
+    stretches = ", then ".join(f"{stretch.hz:g}" for stretch in read.stretches)
+    notes = [f"channels: {names}", f"sampled at {stretches} Hz, played at {settings.relay.sampling_hz} Hz"]
+    return Played(six.values, read.start_ns, (*notes, *six.notes))
+
+
+def _states_ratios(record: Record) -> bool:
+    return all(channel.scale != "S" or channel.to_primary == channel.to_primary for channel in record.analog)
