@@ -118,7 +118,9 @@ class RerunSink:
         elif target.startswith(("rerun://", "rerun+http://", "rerun+https://")):
             where = urlsplit(target.replace("rerun+", "").replace("rerun://", "https://"))
             try:  # a connection to no viewer would not fail, it would wait for ever
-                socket.create_connection((where.hostname or "", where.port or 443), timeout=3).close()
+                socket.create_connection(
+                    (where.hostname or "", where.port or (443 if where.scheme == "https" else 80)), timeout=3
+                ).close()
             except OSError as error:
                 raise InputError(
                     f"no viewer answers at {target}: start one with `rerun`", key="--rerun"
