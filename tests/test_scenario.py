@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -104,3 +104,15 @@ def test_overrides() -> None:
 def test_wrong_overrides(item: str) -> None:
     with pytest.raises(InputError, match="--set"):
         apply_override(scenario(), item)
+
+
+def test_every_key_is_documented(root: Path) -> None:
+    text = (root / "docs" / "scenario.md").read_text(encoding="utf-8")
+    for name, field in Scenario.model_fields.items():
+        assert f"[{name}]" in text
+        table = next(
+            (a for a in (*get_args(field.annotation), field.annotation) if hasattr(a, "model_fields")), None
+        )
+        assert table is not None
+        for key, inner in table.model_fields.items():
+            assert f"`{inner.alias or key}`" in text, f"{name}.{key}"
