@@ -3,7 +3,7 @@
     python bench/mcap_log.py [LOG.mcap]
 
 Takes the samples, phasors, loop impedances and elements of a log (of a run of the first scenario, if none is
-given), and writes them again: through LogWriter, in blocks of 16, 48 and 960 samples and with each compression;
+given), and writes them again: through LogWriter, in blocks of 16, 48 and 960 samples, with each compression;
 through mcap's `add_message` with ready-made bytes; through mcap-protobuf-support with filled messages.  Then
 reads them.  The time includes opening, the summary, closing and renaming; the best of several runs.
 """
