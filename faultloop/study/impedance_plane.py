@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,10 +9,9 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from faultloop.io.messages import LOOPS
-from faultloop.study.review_view import LOOP_COLOURS, RelayView, locus_ms
+from faultloop.study.review_view import LOOP_COLOURS, RelayView, Zones, extent_ohm, locus_ms, zone_shapes
 
 Summary = dict[str, Any]
-Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 
 INK, FAINT, ZONE = "#222222", "#70757C", "#26436B"
 DOT_MS = 5.0
@@ -26,7 +24,7 @@ def impedance_plane(
     z1, zones = known
     loop = view.facts["loop"]
     shapes = zone_shapes(zones, loop)
-    _frame(axes, _extent(shapes, z1, view))
+    _frame(axes, extent_ohm(shapes, z1, view))
     for shade, (zone, polygon) in enumerate(shapes.items()):
         _zone(axes, zone, polygon, max(1 - 0.2 * shade, 0.35))
     if z1 is not None:
@@ -36,28 +34,6 @@ def impedance_plane(
     if loop:
         _final_point(axes, loop)
     _load(axes, view.facts["load_ohm"])
-
-
-def zone_shapes(zones: Zones, loop: dict[str, Any] | None) -> dict[str, NDArray[np.float64]]:
-    """Each zone's polygon, if it has one: of the phase loops for a phase fault, else of the ground loops."""
-    phase = loop is not None and not loop["loop"].endswith("G")
-    shapes = {zone: polygons[phase] for zone, polygons in zones.items()}
-    return {zone: polygon for zone, polygon in shapes.items() if len(polygon) > 2}
-
-
-def _extent(
-    shapes: dict[str, NDArray[np.float64]], z1: complex | None, view: RelayView
-) -> NDArray[np.float64]:
-    """Corners (2, 2) of what must be seen: zones, line, the fault's impedance, the origin."""
-    points = [np.zeros((1, 2)), *shapes.values()]
-    points += [np.array([[z1.real, z1.imag]])] if z1 is not None else []
-    loop, load = view.facts["loop"], view.facts["load_ohm"]
-    if loop:
-        points.append(np.array([[loop["r_ohm"], loop["x_ohm"]]]))
-    elif len(points) == 1 and load:
-        points.append(1.3 * np.array([[load["r_ohm"], load["x_ohm"]]]))
-    every = np.concatenate(points)
-    return np.array([every.min(axis=0), every.max(axis=0)])
 
 
 def _frame(axes: Axes, extent: NDArray[np.float64]) -> None:

@@ -222,15 +222,23 @@ def _timeline_legend(axes: Axes, kinds: Set[str]) -> None:
 
 
 def _instants(axes: Sequence[Axes], found: list[tuple[float, str]], span: tuple[float, float]) -> None:
-    """Lines through all three, named above the first."""
-    for ms, name in found:
-        if not span[0] <= ms <= span[1]:
-            continue
+    """Lines through all three, named above the first; names that would collide move apart."""
+    shown = [(ms, name if name == "fault" else f"{name} {ms:.1f} ms") for ms, name in found]
+    shown = [(ms, text) for ms, text in shown if span[0] <= ms <= span[1]]
+    widths = [0.0115 * len(text) + 0.02 for _, text in shown]
+    left: list[float] = []
+    for (ms, _), width in zip(shown, widths, strict=True):
+        wanted = (ms - span[0]) / (span[1] - span[0]) - width / 2
+        left.append(max(wanted, left[-1] + widths[len(left) - 1]) if left else wanted)
+    edge = 1.02
+    for k in reversed(range(len(left))):
+        left[k] = min(left[k], edge - widths[k])
+        edge = left[k]
+    for (ms, text), start, width in zip(shown, left, widths, strict=True):
         for one in axes:
-            one.axvline(ms, color=INK, lw=1.0, ls="-" if name == "fault" else (0, (4, 2)), zorder=1.5)
-        text = name if name == "fault" else f"{name} {ms:.1f} ms"
+            one.axvline(ms, color=INK, lw=1.0, ls="-" if text == "fault" else (0, (4, 2)), zorder=1.5)
         axes[0].annotate(
-            text, (ms, 1.0), (0, 3), xycoords=("data", "axes fraction"), textcoords="offset points",
+            text, (start + width / 2, 1.0), (0, 3), xycoords="axes fraction", textcoords="offset points",
             ha="center", va="bottom", size=9, weight="bold",
         )  # fmt: skip
 

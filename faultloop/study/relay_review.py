@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -83,12 +84,13 @@ def _opened(states: list[Entry], poles: str, since: int) -> dict[str, int]:
 
 
 def measured(
-    rows: RelayRows, summary: Summary, own: dict[str, Any], context: tuple[int | None, float, complex | None]
+    rows: RelayRows, summary: Summary, own: dict[str, Any], context: tuple[float, complex | None]
 ) -> dict[str, Any]:
     """Elements, phasors before and in the fault, the faulted loop, peaks, frequency."""
-    end_ns, cycle_ns, z1 = context
+    cycle_ns, z1 = context
     zero = summary["inception"]["t_ns"]
-    before, during = _instants(rows, summary, own, (end_ns, cycle_ns))
+    own["cleared_ns"] = _cleared_ns(summary, own)
+    before, during = _instants(rows, summary, own, cycle_ns)
     reference = None
     for index in (before, during):
         if index is not None and reference is None and abs(rows.phasors[index, 0]) > 0:
@@ -114,33 +116,66 @@ def _is_location(event: dict[str, Any], relay: str) -> bool:
     return event["source"] == relay and event["text"].startswith("RFLO")
 
 
+def _cleared_ns(summary: Summary, own: dict[str, Any]) -> int | None:
+    """When the relay's fault state ended: its own breaker's first pole opened, or the last fault went.
+
+    Of a relay that opened nothing: the first pole that opened anywhere.  None: it never ended.
+    """
+    zero = summary["inception"]["t_ns"]
+    if zero is None:
+        return None
+    times = [t for trip in own["trips"] for t in trip["poles_opened_ns"].values()]
+    if not times:
+        times = [op["t_ns"] for b in summary["breakers"].values() for op in b["operations"] if op["opened"]]
+    offs = [fault["off_ns"] for fault in summary["faults"]]
+    if offs and None not in offs:
+        times.append(max(offs))
+    return min((t for t in times if t > zero), default=None)
+
+
+def _changes(summary: Summary) -> list[int]:
+    """Every time at which the network changed: a fault on or off, a pole open or closed."""
+    times = [t for fault in summary["faults"] for t in (fault["on_ns"], fault["off_ns"]) if t is not None]
+    for breaker in summary["breakers"].values():
+        times += [op["t_ns"] for op in breaker["operations"] if op["opened"] or op["closed"]]
+    return times
+
+
 def _instants(
-    rows: RelayRows, summary: Summary, own: dict[str, Any], bounds: tuple[int | None, float]
+    rows: RelayRows, summary: Summary, own: dict[str, Any], cycle_ns: float
 ) -> tuple[int | None, int | None]:
     """Rows just before the fault and where the fault state was steadiest; None where there is none.
 
-    The second lies at least one cycle after the last fault was applied (the estimators' window), before the
-    first pole opened or a fault went, and, where anything started, while it was still started: a record
-    without breakers says in no other way when the fault was over.  If the fault was over before a cycle had
-    passed, it is the last row before that.
+    The second lies in the last stretch of one and a half cycles or more in which nothing in the network
+    changed (in the longest, if all are shorter), before the fault was cleared, and at least one cycle into
+    it: the estimators' window.  A record without breakers says only by the elements' reset when the fault was
+    over.
     """
-    end_ns, cycle_ns = bounds
     zero = summary["inception"]["t_ns"]
     if zero is None or not len(rows):
-        return (None if not len(rows) else last_before(rows, np.inf)), None
+        return last_before(rows, np.inf), None
     margin = 0 if summary["inception"]["source"] == "plant" else cycle_ns / 2
-    stop = float(end_ns) if end_ns is not None else float(rows.t_ns[-1] + 1)
-    for name, spans in rows.spans.items():
-        if name.endswith(".Str") and end_ns is None:
-            ends = [off for on, off in spans if on >= zero - margin and off is not None]
-            stop = min(stop, *ends) if ends and not any(off is None for _, off in spans) else stop
-    applied = [f["on_ns"] for f in summary["faults"] if f["on_ns"] < stop]
-    start = max([zero, *applied])
-    during = steadiest(rows, start + cycle_ns, stop, cycle_ns)
-    if during is None:
-        during = last_before(rows, stop)
+    stop = own["cleared_ns"] or _last_reset(rows, zero - margin) or int(rows.t_ns[-1]) + 1
+    edges = sorted({zero, stop, *(t for t in _changes(summary) if zero < t < stop)})
+    stretches = list(pairwise(edges))
+    long = [stretch for stretch in stretches if stretch[1] - stretch[0] >= 1.5 * cycle_ns]
+    start, end = long[-1] if long else max(stretches, key=lambda s: s[1] - s[0], default=(zero, stop))
+    during = steadiest(rows, start + cycle_ns, end, cycle_ns)
+    if during is None:  # over before a cycle had passed: the last there is
+        during = last_before(rows, end)
         during = during if during is not None and rows.t_ns[during] >= start else None
     return last_before(rows, zero - margin), during
+
+
+def _last_reset(rows: RelayRows, since: float) -> int | None:
+    """When the last element that started from ``since`` on had reset; None where one never did."""
+    ends = [
+        off
+        for name, spans in rows.spans.items()
+        for on, off in spans
+        if name.endswith(".Str") and (off is None or off > since)
+    ]
+    return None if not ends or None in ends else max(end for end in ends if end is not None)
 
 
 def _elements(rows: RelayRows, zero: int) -> list[dict[str, Any]]:

@@ -54,7 +54,6 @@ def summarize(log: Log) -> Summary:
         "can": _can(log),
         "events": _events(log, zero),
     }
-    end_ns = inception["cleared_ns"] = _clearing_ns(summary)
     order = [place["name"] for place in scenario.get("relay", ())] or list(log.relays)
     for name, rows in relays.items():
         trip_frames = _trip_frames(log, order.index(name) if name in order else None)
@@ -68,7 +67,7 @@ def summarize(log: Log) -> Summary:
             for trip in log.trips
             if trip.source == name
         ]
-        own |= measured(rows, summary, own, (end_ns, cycle_ns, line_impedance(log, name)))
+        own |= measured(rows, summary, own, (cycle_ns, line_impedance(log, name)))
         summary["relays"][name] = own
     summary["warnings"] = _warnings(log, scenario, relays, summary)
     return summary
@@ -138,17 +137,6 @@ def _inception(log: Log, relays: dict[str, RelayRows], cycle_ns: float) -> dict[
         "source": "pickup",
         "text": f"estimated: the first pickup ({name} {element}); the fault began before it",
     }
-
-
-def _clearing_ns(summary: Summary) -> int | None:
-    """First time after the inception at which a pole opened or a fault went; None: never."""
-    zero = summary["inception"]["t_ns"]
-    if zero is None:
-        return None
-    times = [f["off_ns"] for f in summary["faults"]]
-    for breaker in summary["breakers"].values():
-        times += [op["t_ns"] for op in breaker["operations"] if op["opened"]]
-    return min((t for t in times if t is not None and t > zero), default=None)
 
 
 # -- the log, the faults, the breakers, the bus ----------------------------------------------------------

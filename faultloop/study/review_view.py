@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from faultloop.study.relay_rows import RelayRows
 
 Summary = dict[str, Any]
+Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 Kind = Literal["fault", "forward", "reverse", "start", "operate", "A", "B", "C"]
 
 # Phases and loops, apart from each other for the colour-blind too (Okabe and Ito 2008).
@@ -114,15 +116,37 @@ def markers(summary: Summary, relay: str) -> list[tuple[float, str]]:
 
 
 def locus_ms(summary: Summary, view: RelayView) -> tuple[float, float]:
-    """The part of the loops' way that the R-X plane shows: from just before the inception to the first pole's
-    opening; in a record without breakers to the steady instant."""
-    zero, cleared = summary["inception"]["t_ns"], summary["inception"]["cleared_ns"]
+    """The part of the loops' way that the R-X plane shows: from just before the inception to the own first
+    pole's opening; in a record without breakers to the steady instant."""
+    zero, cleared = summary["inception"]["t_ns"], view.facts["cleared_ns"]
     if zero is None:
         return window_ms(summary)
     if cleared is not None:
         return -1.0, (cleared - zero) / 1e6
     fault = view.facts["fault"]
     return -1.0, fault["ms"] if fault else window_ms(summary)[1]
+
+
+def zone_shapes(zones: Zones, loop: dict[str, Any] | None) -> dict[str, NDArray[np.float64]]:
+    """Each zone's polygon, if it has one: of the phase loops for a phase fault, else of the ground loops."""
+    phase = loop is not None and not loop["loop"].endswith("G")
+    shapes = {zone: polygons[phase] for zone, polygons in zones.items()}
+    return {zone: polygon for zone, polygon in shapes.items() if len(polygon) > 2}
+
+
+def extent_ohm(
+    shapes: dict[str, NDArray[np.float64]], z1: complex | None, view: RelayView
+) -> NDArray[np.float64]:
+    """Corners (2, 2) of what must be seen: zones, line, the fault's impedance, the origin."""
+    points = [np.zeros((1, 2)), *shapes.values()]
+    points += [np.array([[z1.real, z1.imag]])] if z1 is not None else []
+    loop, load = view.facts["loop"], view.facts["load_ohm"]
+    if loop:
+        points.append(np.array([[loop["r_ohm"], loop["x_ohm"]]]))
+    elif len(points) == 1 and load:
+        points.append(1.3 * np.array([[load["r_ohm"], load["x_ohm"]]]))
+    every = np.concatenate(points)
+    return np.array([every.min(axis=0), every.max(axis=0)])
 
 
 def _timeline(rows: RelayRows, summary: Summary, end_ms: float) -> list[TimelineRow]:
