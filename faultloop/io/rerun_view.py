@@ -17,6 +17,7 @@ PHASES = ("A", "B", "C")
 PHASE_COLORS = np.array([0xFF5A5FFF, 0xFFC53DFF, 0x4C9BFFFF], np.uint32)
 LOOP_COLORS = np.array([*PHASE_COLORS, 0xFF8A3DFF, 0x5AD37CFF, 0xB78CFFFF], np.uint32)
 ZONE_COLORS = [0x4FD1C5FF, 0x8FA8FFFF, 0xC58BE8FF, 0x9FB65EFF, 0xA9B4C2FF]
+FAULT_TYPES = (*LOOPS, "ABG", "BCG", "CAG", "ABC", "ABCG")
 GRID, TICK = 0x343B47FF, 0x9AA5B1FF
 STATE_COLORS = {  # of a lane's states; others get a colour from rerun
     "Str": 0xD9A21BFF,
@@ -24,6 +25,8 @@ STATE_COLORS = {  # of a lane's states; others get a colour from rerun
     "Tr": 0xE5484DFF,
     "closed": 0x2F7D5BFF,
     "open": 0x7A8699FF,
+    **{f"{poles} closed": 0x8C7A3AFF for poles in ("A", "B", "C", "AB", "BC", "AC")},
+    **dict.fromkeys(FAULT_TYPES, 0xA83E8CFF),
     "DirFwd": 0x3E5C86FF,
     "DirRv": 0x6B5486FF,
 }
