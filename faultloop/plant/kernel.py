@@ -93,7 +93,8 @@ class Watch(NamedTuple):
     armed: NDArray[np.bool_]
     """(switches, 3)"""
     zero: Floats
-    """(switches, 3) where in the last step an armed pole's current was zero, 0 .. 1; -1: nowhere"""
+    """(switches, 3) where between the state kept and the present one an armed pole's current is zero
+    (0 .. 1; -1: nowhere)"""
     instant: Floats
     """(2,) when in the step a commutation happens, 0 .. 1; 1.0 where the ring's newest slot is the step's end
     (from the trial), 0.0 where it is its start"""
@@ -112,6 +113,7 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
     while clock[0] < clock[2]:
         if waiting:
             keep(state)
+            watch.instant[0] = 0.0
         clock[0] += 1
         clock[4] = 1
         renew_emf(net, state, clock[0])
@@ -126,7 +128,9 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
             first = state.current.shape[0] - net.switch_bus.shape[0]
             if crossings(watch, state.old_current[first:], state.current[first:]):
                 return True
-        if clock[0] % clock[1] == 0 or front.in_use[0]:  # a call costs 60 ns: it passes a hundred array fields
+        if (
+            clock[0] % clock[1] == 0 or front.in_use[0]
+        ):  # a call costs 60 ns: it passes a hundred array fields
             arrive(net, factor, state, watch, front, samples)
         else:
             clock[4] = 0
@@ -136,15 +140,15 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
 @njit
 def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     """One step in which switches act, ``factor`` being the matrix after it, at ``watch.instant`` (0 .. 1) of
-    the step; the state is the one at that instant.  True where an armed pole's current has a zero in the rest
-    of the step.
+    the step; the state is the one at that instant, and is kept.  True where an armed pole's current has a
+    zero in the rest of the step: then this step, too, is on trial.
 
     Two backward-Euler half steps go from the instant t to t + dt/2 and t + dt; the end of the step lies on
     the straight line through both, which keeps every linear equation of the network.
     """
     step, instant = watch.clock[0], watch.instant[0]
     first = state.current.shape[0] - net.switch_bus.shape[0]
-    before = state.current[first:].copy()
+    start_v, start_current = state.v.copy(), state.current.copy()
     for half in (0.5, 1.0):
         keep(state)
         branch_histories(net, state, net.euler)
@@ -160,14 +164,20 @@ def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     branch_histories(net, state, net.trapezoid)
     wave_push(net, state, step + 1)
     switch_currents(net, factor, state)
-    return crossings(watch, before, state.current[first:])
+    state.old_v[:] = start_v
+    state.old_current[:] = start_current
+    return crossings(watch, state.old_current[first:], state.current[first:])
 
 
 @njit
-def go_back(state: State, watch: Watch) -> None:
-    """From the end of a step on trial to ``watch.instant`` of it, by linear interpolation."""
+def go_back(state: State, watch: Watch, share: float) -> None:
+    """From the end of a step on trial into it, to a share (0 .. 1) of the way from the state kept, by linear
+    interpolation: good for currents of inductances and voltages of capacitances, all that Euler steps look
+    back to, even where a commutation lies between."""
     watch.clock[0] -= 1
-    between(state, watch.instant[0])
+    watch.instant[0] += share * (1.0 - watch.instant[0])
+    watch.instant[1] = 1.0
+    between(state, share)
 
 
 @njit

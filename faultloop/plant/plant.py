@@ -21,6 +21,7 @@ from faultloop.plant.timing import FaultTime, fault_times
 from faultloop.scenario import Scenario
 
 NS = 1_000_000_000
+POLE_BITS = np.array([1, 2, 4])
 SAME_INSTANT = 1e-6
 """Current zeros closer than this, in steps, are one instant: poles in series open together."""
 
@@ -38,10 +39,10 @@ class Change:
 
 class Action(NamedTuple):
     """Something due at a step.  ``make``: the poles begin to conduct; ``part``: they part, and conduct on to
-    their current zero; ``break``: they cease to conduct."""
+    their current zero."""
 
     step: int
-    kind: Literal["make", "part", "break"]
+    kind: Literal["make", "part"]
     switch: int
     mask: int
 
@@ -205,40 +206,40 @@ class Plant:
     # ------------------------------------------------------------------ switching
 
     def _act(self, due: list[Action]) -> None:
-        """Does what is due at the present step; where a conductor changed, takes the step with it."""
+        """Does what is due at the present step; where something began to conduct, takes the step with it."""
         masks = list(self._masks)
         for action in due:
-            poles = [bool(action.mask >> p & 1) for p in range(3)]
+            poles = _poles(action.mask)
             if action.kind == "part":
-                conducting = [bool(masks[action.switch] >> p & 1) for p in range(3)]
-                self._watch.armed[action.switch] |= np.logical_and(poles, conducting)
-                continue
-            self._watch.armed[action.switch] &= ~np.array(poles)
-            if action.kind == "make":
-                masks[action.switch] |= action.mask
+                self._watch.armed[action.switch] |= poles & _poles(masks[action.switch])
             else:
-                masks[action.switch] &= ~action.mask
+                self._watch.armed[action.switch] &= ~poles
+                masks[action.switch] |= action.mask
         if tuple(masks) != self._masks:
-            if self._watch.armed.any():
-                renew_switch_currents(self._model, self._factor, self._state)
+            renew_switch_currents(self._model, self._factor, self._state)
             self._watch.instant[:] = 0
-            self._commutate(tuple(masks))
+            self._change(tuple(masks))
+            if kernel.commutate(self._model.network, self._factor, self._state, self._watch):
+                self._open_at_zero()
 
     def _open_at_zero(self) -> None:
-        """Takes the trial step back to its first current zero, and opens the poles that have it there."""
-        zero = self._watch.zero
-        first = zero[zero >= 0].min()
-        opening = (zero >= 0) & (zero <= first + SAME_INSTANT)
-        self._watch.instant[:] = first, 1.0
-        kernel.go_back(self._state, self._watch)
-        self._watch.armed[:] &= ~opening
-        bits = opening @ np.array([1, 2, 4])
-        self._commutate(tuple(m & ~int(b) for m, b in zip(self._masks, bits, strict=True)))
+        """Takes the trial step back to its first current zero, opens the poles that have it there, and goes
+        to the step's end; as often as there is a zero."""
+        watch = self._watch
+        again = True
+        while again:
+            first = watch.zero[watch.zero >= 0].min()
+            opening = (watch.zero >= 0) & (watch.zero <= first + SAME_INSTANT)
+            watch.armed[:] &= ~opening
+            kernel.go_back(self._state, watch, first)
+            bits = opening @ POLE_BITS
+            self._change(tuple(m & ~int(b) for m, b in zip(self._masks, bits, strict=True)))
+            again = kernel.commutate(self._model.network, self._factor, self._state, watch)
 
-    def _commutate(self, masks: tuple[int, ...]) -> None:
-        """The step in which the conducting poles become ``masks``."""
+    def _change(self, masks: tuple[int, ...]) -> None:
+        """From ``watch.instant`` of the present step on, the conducting poles are ``masks``."""
         step, instant = int(self._watch.clock[0]), float(self._watch.instant[0])
-        t_ns = math.floor((step + instant) * NS / self._rate) if instant else step * NS // self._rate
+        t_ns = step * NS // self._rate if instant == 0 else math.floor((step + instant) * NS / self._rate)
         for switch, (old, new) in enumerate(zip(self._masks, masks, strict=True)):
             if old == new:
                 continue
@@ -248,12 +249,6 @@ class Plant:
                 self.changes.append(Change(t_ns, "fault", switch - len(self._breakers), int(bool(new))))
         self._masks = masks
         self._factor = self._model.factor(masks)
-        if kernel.commutate(self._model.network, self._factor, self._state, self._watch):
-            # another pole's zero fell into the rest of the same step: it opens at the step's end, where its
-            # current is less than one step's natural change
-            for switch, poles in enumerate(self._watch.zero >= 0):
-                if mask := int(poles @ np.array([1, 2, 4])):
-                    self._actions = (*self._actions, Action(step + 1, "break", switch, mask))
 
     def _fault_actions(self, index: int, time: FaultTime) -> list[Action]:
         switch = len(self._breakers) + index
@@ -296,6 +291,11 @@ class Plant:
 
     def _now_ns(self) -> int:
         return int(self._watch.clock[0]) * NS // self._rate
+
+
+def _poles(mask: int) -> NDArray[np.bool_]:
+    """(3,) of a bit mask."""
+    return (mask & POLE_BITS) != 0
 
 
 def _without(action: Action, switch: int, mask: int) -> Action:

@@ -1,7 +1,7 @@
 """A two-ended network as a scenario, and its faulted steady state from textbook equations alone.
 
-Nothing here comes from the plant: phase-domain nodal analysis with 3x3 matrices from sequence parameters, lines
-by the exact hyperbolic equations (or plain series impedance for ``rl``), the fault as its admittance matrix.
+Nothing here comes from the plant: phase-domain nodal analysis with 3x3 matrices from sequence parameters,
+lines by the exact hyperbolic equations (or plain series impedance for ``rl``), the fault as its admittance.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def fault_admittance(kind: str, resistance: float, ground: float) -> Complex:
 def solve(
     model: str, position: float, kind: str | None, resistance: float = 0.0, ground: float = 0.0
 ) -> Complex:
-    """(2, 6) peak phasors va vb vc ia ib ic at both ends, current into the line, a fault's at an end included.
+    """(2, 6) peak phasors va vb vc ia ib ic at both ends; the current includes that of a fault at the end.
 
     The bolted fault (resistance 1e-9 ohm in the reference) is solved as a port: the network's impedance seen
     from the fault point, so that no huge admittance spoils the answer."""
