@@ -36,10 +36,11 @@ def estimate(c, s, loop, k0):
 
 @njit
 def start(w, fault):
-    """A fault, or another type of it: forget the one before."""
+    """A fault: forget the one before.  Another type of it: the answer stands until there is a new one."""
+    if w.fault == 0:
+        w.value = np.nan
     w.fault = fault
     w.count = 0
-    w.value = np.nan
     w.best_spread = np.inf
 
 

@@ -93,6 +93,7 @@ class Network:
                 left = offset * math.exp(-(start - begun) / self.tau_s)
                 offset = left + np.real((before - phasors) * turn)
                 offset[:3] = 0
+                offset[phasors == 0] = 0  # a breaker opens at a current zero: nothing is left
             wave += offset * np.exp(-(t[after] - start) / self.tau_s)[:, None]
             x[after] = wave
             begun, before = start, phasors

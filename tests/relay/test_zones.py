@@ -10,7 +10,6 @@ import pytest
 
 from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.layout import LOOPS
-
 from tests.relay.network import TYPES, Network, play, settings_dict
 
 STRONG = Network()
