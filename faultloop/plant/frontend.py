@@ -28,8 +28,8 @@ class FrontEnds(NamedTuple):
     term: NDArray[np.int64]
     """(terms,) row of current"""
     sign: NDArray[np.float64]
-    in_use: NDArray[np.bool_]
-    """(2,) any low-pass; any noise or converter"""
+    filtered: NDArray[np.bool_]
+    """(1,) whether any relay has a low-pass, so that every step must be delivered"""
     lowpass: NDArray[np.float64]
     """(relays, SECTIONS, 5) b0 b1 b2 a1 a2"""
     sections: NDArray[np.int64]
@@ -73,7 +73,7 @@ def front_ends(
         pointer=np.cumsum([0, *(len(t) for t in terms)]).astype(np.int64),
         term=np.array([row for row, _ in flat], dtype=np.int64),
         sign=np.array([sign for _, sign in flat], dtype=np.float64),
-        in_use=np.array([any(sections), any(map(any, noise)) or any(codes)]),
+        filtered=np.array([any(sections)]),
         lowpass=lowpass,
         sections=np.array(sections, dtype=np.int64),
         seed=seeds.astype(np.uint64),
