@@ -1,0 +1,232 @@
+"""Write a COMTRADE record: revision 1999 or 2013, .cfg with .dat or .cff."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.errors import InputError, nearest
+from faultloop.io.comtrade.config import FORMATS
+from faultloop.io.comtrade.data import ANALOG_TYPES, ASCII_MISSING, MISSING
+from faultloop.io.comtrade.record import SECOND_NS, AnalogChannel, Record
+
+# Greatest raw value: symmetric about zero, and the value that stands for "missing" left out.
+_FULL_SCALE = {"ASCII": 99_998, "BINARY": 2**15 - 1, "BINARY32": 2**31 - 1}
+_STAMP_LIMIT = 2**32 - 2
+_BY_REVISION = {"1999": ("ASCII", "BINARY"), "2013": FORMATS}
+
+
+@dataclass(slots=True)
+class _Scaled:
+    """A channel in raw values: value = a * raw + b."""
+
+    a: float
+    b: float
+    least: float
+    greatest: float
+    raw: NDArray
+
+
+def write_comtrade(
+    path: Path | str, record: Record, revision: str = "2013", format: str = "BINARY"
+) -> list[Path]:
+    """Write a record.
+
+    Parameters
+    ----------
+    path : ``.cfg``, beside which the ``.dat`` is put, or ``.cff`` (only 2013 has it).
+    record : what to write; its values are scaled channel by channel to the full range of the format.
+    revision : "1999" or "2013".
+    format : "ASCII" or "BINARY"; 2013 has "BINARY32" and "FLOAT32", too.
+
+    Returns the files written.  They are written aside and renamed, the .cfg last: there is no .cfg without
+    its whole .dat.  A value read back differs by at most half a step, which is the channel's range divided by
+    199996 (ASCII), 65534 (BINARY) or 4.3e9 (BINARY32); FLOAT32 keeps 24 bits of it.
+
+    Raises
+    ------
+    InputError : revision, format and suffix do not go together, a name has a comma or a line break, a value
+        does not fit, or the files cannot be written.
+    """
+    path = Path(path)
+    _check(path, record, revision, format)
+    stamps, multiplier, nanoseconds = _stamps(record, revision)
+    scaled = [_scale(channel, format) for channel in record.analog]
+    config = _config_text(record, revision, format, scaled, multiplier, nanoseconds).encode("utf-8")
+    data = (_ascii_data if format == "ASCII" else _binary_data(format))(record, stamps, scaled)
+    if path.suffix.lower() == ".cff":
+        kind = "DAT ASCII" if format == "ASCII" else f"DAT {format}: {len(data)}"
+        parts = [
+            _heading("CFG"),
+            config,
+            _heading("INF"),
+            b"\r\n",
+            _heading("HDR"),
+            b"\r\n",
+            _heading(kind),
+            data,
+        ]
+        return _write_files({path: b"".join(parts)})
+    upper = path.suffix.isupper()
+    return _write_files({path.with_suffix(".DAT" if upper else ".dat"): data, path: config})
+
+
+def _heading(kind: str) -> bytes:
+    return f"--- file type: {kind} ---\r\n".encode("ascii")
+
+
+def _check(path: Path, record: Record, revision: str, format: str) -> None:
+    suffix = path.suffix.lower()
+    if suffix not in (".cfg", ".cff"):
+        raise InputError("the name of a COMTRADE record must end in .cfg or .cff", file=path)
+    if revision not in _BY_REVISION:
+        raise InputError(
+            f"'{revision}' cannot be written: it must be 1999 or 2013", file=path, key="revision"
+        )
+    if format not in FORMATS:
+        raise InputError(f"no data format '{format}': {nearest(format, FORMATS)}", file=path, key="format")
+    if format not in _BY_REVISION[revision]:
+        has = " and ".join(_BY_REVISION[revision])
+        raise InputError(f"revision {revision} has only {has}: {format} needs 2013", file=path, key="format")
+    if suffix == ".cff" and revision != "2013":
+        raise InputError(
+            "only revision 2013 has the single file .cff: write a .cfg", file=path, key="revision"
+        )
+    texts = [record.station, record.device]
+    for channel in (*record.analog, *record.status):
+        texts += [channel.name, channel.phase, channel.circuit]
+        if len(channel.values) != len(record):
+            raise InputError(
+                f"{len(channel.values)} values, but {len(record)} times", file=path, key=channel.name
+            )
+    texts += [channel.unit for channel in record.analog]
+    if record.rates and record.rates[-1].stop != len(record):
+        raise InputError(f"the rates are of {record.rates[-1].stop} samples, not {len(record)}", file=path)
+    for text in texts:
+        if any(mark in text for mark in ",\r\n\x1a"):
+            raise InputError(f"{text!r} has a comma or a line break, which a .cfg cannot keep", file=path)
+
+
+def _stamps(record: Record, revision: str) -> tuple[NDArray[np.int64], int, bool]:
+    """Time stamps [counts], the multiplication factor of a count, and whether its base is nanoseconds.
+
+    Microseconds, as 1999 has them; more where the record is longer than 71 minutes.  2013 may state times in
+    nanoseconds, which it does if those of the record need it.
+    """
+    duration_us = int(record.t_ns[-1]) // 1000 if len(record) else 0
+    count_us = duration_us // _STAMP_LIMIT + 1
+    nanoseconds = revision == "2013" and (record.start_ns % 1000 != 0 or record.trigger_ns % 1000 != 0)
+    count_ns = count_us * 1000
+    stamps = (record.t_ns + count_ns // 2) // count_ns
+    return stamps, count_ns if nanoseconds else count_us, nanoseconds
+
+
+def _scale(channel: AnalogChannel, format: str) -> _Scaled:
+    values = channel.values
+    present = values[~np.isnan(values)]
+    if not np.isfinite(present).all():
+        raise InputError("a value is infinite", key=channel.name)
+    if format == "FLOAT32":
+        limit = float(np.finfo(np.float32).max)
+        if len(present) and np.abs(present).max() >= limit:
+            raise InputError(f"a value does not fit into FLOAT32 (+-{limit:.3g})", key=channel.name)
+        raw = np.where(np.isnan(values), MISSING["FLOAT32"], values)
+        return _Scaled(1.0, 0.0, -limit, limit, raw.astype("<f4"))
+    full = _FULL_SCALE[format]
+    low, high = (float(present.min()), float(present.max())) if len(present) else (0.0, 0.0)
+    b = low / 2 + high / 2
+    a = max(high / 2 - low / 2, 0.0) / full
+    if a < np.finfo(float).tiny:  # a constant: b alone says it
+        a = 1.0
+    with np.errstate(invalid="ignore"):
+        counts = np.clip(np.rint((values - b) / a), -full, full)
+    missing = ASCII_MISSING if format == "ASCII" else MISSING[format]
+    raw = np.where(np.isnan(values), missing, counts).astype(np.int64)
+    return _Scaled(a, b, -full, full, raw)
+
+
+def _config_text(
+    record: Record, revision: str, format: str, scaled: list[_Scaled], multiplier: int, nanoseconds: bool
+) -> str:
+    lines = [
+        f"{record.station},{record.device},{revision}",
+        f"{len(record.analog) + len(record.status)},{len(record.analog)}A,{len(record.status)}D",
+    ]
+    for i, (channel, s) in enumerate(zip(record.analog, scaled, strict=True), 1):
+        primary, secondary = channel.ratio if min(channel.ratio) > 0 else (1.0, 1.0)
+        lines.append(
+            f"{i},{channel.name},{channel.phase},{channel.circuit},{channel.unit},{_number(s.a)},{_number(s.b)},"
+            f"{_number(channel.skew_s * 1e6)},{_number(s.least)},{_number(s.greatest)},"
+            f"{_number(primary)},{_number(secondary)},{channel.scale or 'P'}"
+        )
+    for i, channel in enumerate(record.status, 1):
+        lines.append(f"{i},{channel.name},{channel.phase},{channel.circuit},{channel.normal}")
+    lines.append(_number(record.frequency_hz))
+    lines.append(str(len(record.rates)))
+    lines += [f"{_number(rate.hz)},{rate.stop}" for rate in record.rates] or [f"0,{len(record)}"]
+    lines += [_time_line(record.start_ns, nanoseconds), _time_line(record.trigger_ns, nanoseconds)]
+    lines += [format, str(multiplier)]
+    if revision == "2013":
+        quality = record.time_quality
+        lines += [f"{quality.time_code},{quality.local_code}", f"{quality.quality},{quality.leap_second}"]
+    return "\r\n".join(lines) + "\r\n"
+
+
+def _number(value: float) -> str:
+    """As short as it can be without losing a bit."""
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+
+
+def _time_line(t_ns: int, nanoseconds: bool) -> str:
+    seconds, rest = divmod(t_ns, SECOND_NS)
+    fraction = f"{rest:09}" if nanoseconds else f"{rest // 1000:06}"
+    return (datetime(1970, 1, 1) + timedelta(seconds=seconds)).strftime("%d/%m/%Y,%H:%M:%S.") + fraction
+
+
+def _binary_data(format: str) -> Callable[[Record, NDArray[np.int64], list[_Scaled]], bytes]:
+    def write(record: Record, stamps: NDArray[np.int64], scaled: list[_Scaled]) -> bytes:
+        words = -(-len(record.status) // 16)
+        kind = [("number", "<u4"), ("stamp", "<u4"), ("analog", ANALOG_TYPES[format], (len(scaled),))]
+        rows = np.zeros(len(record), [*kind, ("status", "<u2", (words,))])
+        rows["number"] = np.arange(1, len(record) + 1)
+        rows["stamp"] = stamps
+        for i, channel in enumerate(scaled):
+            rows["analog"][:, i] = channel.raw
+        for i, channel in enumerate(record.status):
+            rows["status"][:, i // 16] |= channel.values.astype(np.uint16) << (i % 16)
+        return rows.tobytes()
+
+    return write
+
+
+def _ascii_data(record: Record, stamps: NDArray[np.int64], scaled: list[_Scaled]) -> bytes:
+    import pyarrow as pa
+    from pyarrow import csv
+
+    columns = [np.arange(1, len(record) + 1), stamps, *(channel.raw for channel in scaled)]
+    columns += [channel.values.astype(np.int8) for channel in record.status]
+    table = pa.table([pa.array(column) for column in columns], names=[str(i) for i in range(len(columns))])
+    sink = pa.BufferOutputStream()
+    csv.write_csv(table, sink, csv.WriteOptions(include_header=False))
+    return sink.getvalue().to_pybytes().replace(b"\n", b"\r\n")
+
+
+def _write_files(contents: dict[Path, bytes]) -> list[Path]:
+    aside = {path: path.with_name(path.name + ".part") for path in contents}
+    try:
+        try:
+            for path, content in contents.items():
+                aside[path].write_bytes(content)
+            for path, part in aside.items():
+                part.replace(path)
+        finally:
+            for part in aside.values():
+                part.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", file=next(iter(contents))) from error
+    return list(contents)
