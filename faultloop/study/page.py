@@ -38,13 +38,20 @@ Summary = dict[str, Any]
 
 POINTS = 4000  # of a wave outside the fault's window; inside, every sample is there
 MOST_INSIDE = 20_000  # samples of the window that are all there
-CONFIG = {"responsive": True, "displaylogo": False, "scrollZoom": True}
+CONFIG = {
+    "responsive": True,
+    "displaylogo": False,
+    "scrollZoom": True,
+    "showSendToCloud": False,  # no button that would send a record to somebody else's server
+    "plotlyServerURL": "",
+}
 
 PAGE = Template("""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>$title</title>
 <style>
-body { font: 15px/1.45 system-ui, sans-serif; color: #222; margin: 0 auto; max-width: 1500px; padding: 1rem 2rem; }
+body { font: 15px/1.45 system-ui, sans-serif; color: #222; margin: 0 auto;
+  max-width: 1500px; padding: 1rem 2rem; }
 h1 { margin: 0 0 .3rem; }
 h2 { margin: 2.2rem 0 .4rem; border-bottom: 1px solid #ddd; }
 h3 { margin: 1.3rem 0 .3rem; font-size: 1rem; }
@@ -138,8 +145,8 @@ def waves(view: RelayView, summary: Summary) -> go.Figure:
             keep = kept(y, inside)
             figure.add_scatter(
                 x=view.ms[keep], y=y[keep].astype(np.float32), name=name,
-                line={"color": colour, "width": 1.4}, hovertemplate=f"%{{y:.4f}} {unit}", row=place, col=1, showlegend=place < 3,
-                legendgroup=channel,
+                line={"color": colour, "width": 1.4}, hovertemplate=f"%{{y:.4f}} {unit}",
+                row=place, col=1, showlegend=place < 3, legendgroup=channel,
             )  # fmt: skip
     _add_timeline(figure, view)
     for ms, name in markers(summary, view.rows.name):

@@ -270,9 +270,12 @@ def relay_warnings(rows: RelayRows, own: dict[str, Any], inception: dict[str, An
     if not len(rows):
         return [f"{name}: no samples"]
     out = []
-    bad = int((~np.isfinite(rows.samples)).any(axis=1).sum())
-    if bad:
-        out.append(f"{name}: {bad} of {len(rows)} samples are not numbers")
+    bad = (~np.isfinite(rows.samples)).sum(axis=0).tolist()
+    for count in sorted({count for count in bad if count}):
+        channels = ", ".join(
+            name for name, own_count in zip(CHANNELS, bad, strict=True) if own_count == count
+        )
+        out.append(f"{name}: {channels}: {count} of {len(rows)} samples are not numbers")
     if not np.isfinite(rows.phasors).all(axis=1).any():
         out.append(f"{name}: no phasor is a number")
     gaps = int((np.diff(rows.t_ns) > 1.5 * rows.interval_ns).sum()) if len(rows) > 1 else 0

@@ -139,11 +139,11 @@ def _complex_pairs(pairs: NDArray[np.float64]) -> NDArray[np.complex128]:
 
 
 def change_before(rows: RelayRows, pickup_ns: int, cycle_ns: float) -> int | None:
-    """First sample at which the waves left their course of one cycle before; within four cycles of a pickup.
+    """First sample at which the waves left their course of one cycle before, within four cycles of a pickup.
 
-    The superimposed quantity x(t) - x(t - T) of a channel counts as a change where it exceeds five times what
-    it was in the two cycles before, and 5 % of the channel's peak; three samples in a row, so that one
-    outlier is none.  None where nothing is found: the pickup itself is all there is.
+    The superimposed quantity x(t) - x(t - T) counts as a change where it exceeds five times what it was in
+    the cycle before, and 5 % of the greatest change of the three voltages or currents up to the pickup; three
+    samples in a row, so that one outlier is none.  None where nothing is found.
     """
     step = rows.interval_ns
     if not step > 0:
@@ -156,8 +156,8 @@ def change_before(rows: RelayRows, pickup_ns: int, cycle_ns: float) -> int | Non
     x = rows.samples[start - 2 * cycle : stop]
     change = np.abs(x[cycle:] - x[:-cycle])
     before = change[:cycle].max(axis=0)
-    peak = np.abs(x).max(axis=0)
-    beyond = change[cycle:] > np.maximum(5 * before, 0.05 * peak)
+    greatest = np.repeat([change[:, :3].max(), change[:, 3:].max()], 3)
+    beyond = change[cycle:] > np.maximum(5 * before, 0.05 * greatest)
     lasting = beyond[:-2] & beyond[1:-1] & beyond[2:]
     found = np.flatnonzero(lasting.any(axis=1))
     return int(rows.t_ns[start + found[0]]) if len(found) else None
@@ -173,7 +173,7 @@ def last_before(rows: RelayRows, t_ns: float) -> int | None:
 def steadiest(rows: RelayRows, start_ns: float, stop_ns: float, cycle_ns: float) -> int | None:
     """Index of the row in [start, stop) whose phasors moved least in the half cycle before it.
 
-    The last one of those within 20 % of the least: the decaying offset is smallest there.  Rows that are not
+    The last one of those within 10 % of the least: the decaying offset is smallest there.  Rows that are not
     numbers are no candidates; None where there is none.
     """
     half = max(round(cycle_ns / 2 / rows.interval_ns), 1) if rows.interval_ns > 0 else 1
@@ -191,7 +191,7 @@ def steadiest(rows: RelayRows, start_ns: float, stop_ns: float, cycle_ns: float)
     moved[~np.isfinite(moved)] = np.inf
     if not np.isfinite(moved).any():
         return first + int(np.flatnonzero(good[first - stop :])[-1])
-    calm = np.flatnonzero(moved <= 1.2 * moved.min() + 1e-9)
+    calm = np.flatnonzero(moved <= 1.1 * moved.min() + 1e-9)
     return stop - len(moved) + int(calm[-1])
 
 

@@ -132,8 +132,9 @@ def _location(text: str | None) -> str:
 
 def phasor_rows(summary: Summary) -> Rows:
     rows: Rows = []
+    first = "before" if summary["inception"]["t_ns"] is not None else "last"
     for name, own in summary["relays"].items():
-        for when, key in (("before", "prefault"), ("fault", "fault")):
+        for when, key in ((first, "prefault"), ("fault", "fault")):
             at = own[key]
             if at is not None:
                 values = [phasor_text(channel, at[channel]) for channel in CHANNELS]

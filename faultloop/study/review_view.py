@@ -70,14 +70,16 @@ def window_ms(summary: Summary) -> tuple[float, float]:
     """The part of the log that a picture of the fault shows, the same for all relays.
 
     From two cycles before the inception to two after the last pole had opened; without a trip to the fault's
-    end or the last reset.  Where there is no fault: the log, at most its first half second.
+    end or the last reset.  Where there is no fault: half a second of the log, with its greatest current.
     """
     zero = summary["inception"]["t_ns"]
     cycle = 1e3 / summary["log"]["nominal_hz"]
     stop = (summary["log"]["duration_s"] * 1e9 - (zero or 0)) / 1e6
-    if zero is None:
-        return 0.0, max(min(stop, 500.0), 1.0)
     relays = list(summary["relays"].values())
+    if zero is None:
+        peaks = [(p["instantaneous"], p["ms"]) for own in relays for p in own["peak_current"].values() if p]
+        start = max(min(max(peaks, default=(0.0, 0.0))[1] - 100.0, stop - 500.0), 0.0)
+        return start, max(min(stop, start + 500.0), start + cycle)
     known = [t for own in relays for trip in own["trips"] for t in (trip["decided_ms"], trip["opened_ms"])]
     if not any(t is not None for t in known):
         known = [fault["off_ms"] for fault in summary["faults"]]
