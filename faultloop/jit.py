@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import config
+from numba.core import config as numba_config
 
+config: Any = numba_config
 PACKAGE = Path(__file__).parent
 
 
@@ -54,11 +55,11 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         if not options["cache"] or package != "faultloop":  # a user's own kernel: numba's own place
             return numba.njit(**options)(function)
         area = rest.partition(".")[0]
-        before = vars(config)["CACHE_DIR"]  # numba chooses the place when it decorates
-        vars(config)["CACHE_DIR"] = str(cache_root() / f"{area}-{source_digest(area)}")
+        before = config.CACHE_DIR  # numba chooses the place when it decorates
+        config.CACHE_DIR = str(cache_root() / f"{area}-{source_digest(area)}")
         try:
             return numba.njit(**options)(function)
         finally:
-            vars(config)["CACHE_DIR"] = before
+            config.CACHE_DIR = before
 
     return decorate if function is None else decorate(function)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -28,15 +29,16 @@ class _Cyclic:
     def __init__(self, rate_hz: float, first: int = 0) -> None:
         self.rate_hz = rate_hz
         self.count = first
+        self.next_ns = self._due()
 
-    @property
-    def next_ns(self) -> int:
+    def _due(self) -> int:
         return round(self.count * 1e9 / self.rate_hz) if self.rate_hz > 0 else FOREVER
 
     def poll(self, t_ns: int) -> bool:
         if t_ns < self.next_ns:
             return False
         self.count += 1
+        self.next_ns = self._due()
         return True
 
 
@@ -131,8 +133,7 @@ class RelayNode:
         taken = subscriber.receive(message, t_ns) if isinstance(message, State) else message
         if isinstance(taken, Rejection):
             self._rejected += 1
-            return False
-        return taken
+        return taken is True
 
     @property
     def breaker_closed(self) -> int:
@@ -153,7 +154,7 @@ class Command:
     """What a breaker node accepted from the bus."""
 
     t_ns: int
-    operation: str
+    operation: Literal["open", "close"]
     poles: int
     relay: int
 

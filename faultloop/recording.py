@@ -6,15 +6,27 @@ import importlib.metadata
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from faultloop.errors import InputError
 from faultloop.io.can.dbc import DBC_PATH
-from faultloop.io.messages import ELEMENTS, LOOP_IMPEDANCES, PHASORS, SAMPLED_VALUES, array_dtype, values
+from faultloop.io.messages import (
+    ELEMENTS,
+    LOOP_IMPEDANCES,
+    PHASORS,
+    SAMPLED_VALUES,
+    Message,
+    array_dtype,
+    values,
+)
 from faultloop.relay import RelaySettings
 from faultloop.scenario import Scenario
+
+if TYPE_CHECKING:
+    from faultloop.io.mcap_writer import LogWriter
+    from faultloop.io.rerun_sink import RerunSink
 
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
@@ -36,6 +48,7 @@ class Sink(Protocol):
         loops: np.ndarray,
         pickup: np.ndarray,
         operate: np.ndarray,
+        /,
     ) -> None: ...
 
     def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None: ...
@@ -43,6 +56,14 @@ class Sink(Protocol):
     def close(self) -> object: ...
 
     def abort(self) -> object: ...
+
+
+_KINDS: Mapping[str, Message] = {
+    "samples": SAMPLED_VALUES,
+    "phasors": PHASORS,
+    "loops": LOOP_IMPEDANCES,
+    "elements": ELEMENTS,
+}
 
 
 class MemorySink:
@@ -70,8 +91,7 @@ class MemorySink:
 
     def array(self, name: str, what: str) -> np.ndarray:
         """As `faultloop.open_log` gives it: ``what`` is samples, phasors, loops or elements."""
-        kinds = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
-        message = dict(zip(("samples", "phasors", "loops", "elements"), kinds, strict=True))[what]
+        message = _KINDS[what]
         blocks = self._blocks[name]
         columns = [np.concatenate(column) for column in zip(*blocks, strict=True)]
         rows = np.empty(len(columns[0]), array_dtype(message))
@@ -122,31 +142,44 @@ Metadata = dict[str, dict[str, str]]
 Attachments = dict[str, str | bytes]
 
 
-def open_sinks(
+class Streams(NamedTuple):
+    """What a run was asked to write to."""
+
+    log: LogWriter | None
+    rerun: RerunSink | None
+
+    @property
+    def sinks(self) -> list[Sink]:
+        return [stream for stream in self if stream is not None]
+
+
+def open_streams(
     start_ns: int,
     log: Path | str | None,
     rerun: str | None,
     name: str,
     metadata: Metadata,
     attachments: Attachments,
-) -> list[Sink]:
+) -> Streams:
     """The log and the rerun stream that are asked for; InputError where one cannot be opened."""
-    opened: list[Sink] = []
+    stream = None
     if rerun is not None:
         from faultloop.io.rerun_sink import RerunSink
 
-        opened.append(RerunSink(rerun, start_ns, name))
-    if log is not None:
-        from faultloop.io.mcap_writer import LogWriter
+        stream = RerunSink(rerun, start_ns, name)
+        for file, content in attachments.items():
+            stream.add_attachment(file, content)
+    if log is None:
+        return Streams(None, stream)
+    from faultloop.io.mcap_writer import LogWriter
 
-        try:
-            Path(log).parent.mkdir(parents=True, exist_ok=True)
-            opened.append(LogWriter(log, start_ns, metadata, attachments))
-        except OSError as error:
-            for sink in opened:
-                sink.abort()
-            raise InputError(f"cannot be written ({error.strerror or error})", file=log) from None
-    return opened
+    try:
+        Path(log).parent.mkdir(parents=True, exist_ok=True)
+        return Streams(LogWriter(log, start_ns, metadata, attachments), stream)
+    except OSError as error:
+        if stream is not None:
+            stream.abort()
+        raise InputError(f"cannot be written ({error.strerror or error})", file=log) from None
 
 
 def describe(

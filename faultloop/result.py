@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from faultloop.io.messages import POLES
 from faultloop.recording import MemorySink
 from faultloop.scenario import Expect, Scenario
+
+if TYPE_CHECKING:
+    from faultloop.io.rerun_sink import RerunSink
 
 
 def pole_names(mask: int) -> str:
@@ -80,6 +84,7 @@ class Result:
     simulated_s, wall_s : how much time was simulated, and how long that took, compilation included.
     bus_load : part of the time in which the bus was busy, 0 to 1; None on a real bus.
     fault_locations : by relay, per unit of the line, NaN where none was found.
+    rerun : the stream to rerun, if there is one; `serve` goes on until its `wait` ends.
     interrupted : ended by Ctrl-C before its time; the log is whole.
     """
 
@@ -96,6 +101,7 @@ class Result:
     fault_locations: dict[str, float]
     interrupted: bool = False
     memory: MemorySink | None = field(default=None, repr=False)
+    rerun: RerunSink | None = field(default=None, repr=False)
 
     @property
     def held(self) -> bool:

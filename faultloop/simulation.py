@@ -22,7 +22,7 @@ from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport, open_transport
 from faultloop.nodes import FOREVER, BreakerNode, Command, RelayNode
 from faultloop.plant import Plant
-from faultloop.recording import MemorySink, Recorder, Sink, describe, open_sinks
+from faultloop.recording import MemorySink, Recorder, Sink, describe, open_streams
 from faultloop.relay import Relay, RelayInputs, RelaySettings, Trip, load_settings
 from faultloop.result import EventText, FaultChange, Result, TripReport, judge, pole_names
 from faultloop.scenario import RelayPlace, Scenario, load_scenario
@@ -357,7 +357,8 @@ def run(
         started = time.perf_counter()
         metadata, attachments = describe(scenario, settings, overrides)
         start_ns = scenario.scenario.start_ns
-        recorder.sinks += open_sinks(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
+        streams = open_streams(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
+        recorder.sinks += streams.sinks
         try:
             with _interruptible(simulation):
                 simulation.run(progress)
@@ -382,6 +383,7 @@ def run(
         fault_locations={place.name: relays[place.name].fault_location for place in scenario.relay},
         interrupted=simulation.interrupted,
         memory=memory,
+        rerun=streams.rerun,
     )
 
 

@@ -55,10 +55,11 @@ def call(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception as error:
-        if hasattr(error, "format_message"):  # the parser's own word on a wrong command line
-            print(f"faultloop: {error.format_message()} (see faultloop --help)", file=sys.stderr)
-            return 2
-        raise
+        told = getattr(error, "format_message", None)  # the parser's own word on a wrong command line
+        if told is None:
+            raise
+        print(f"faultloop: {told()} (see faultloop --help)", file=sys.stderr)
+        return 2
 
 
 def main() -> None:

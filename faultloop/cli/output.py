@@ -7,10 +7,13 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, Group
 from rich.progress import Progress
+
+if TYPE_CHECKING:
+    from faultloop.io.rerun_sink import RerunSink
 from rich.table import Table
 
 
@@ -40,6 +43,13 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None] | None]:
     with Progress(console=err, transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda part: bar.update(task, completed=part)
+
+
+def serve(stream: RerunSink | None) -> None:
+    """Keep a stream that viewers connect to alive until Ctrl-C."""
+    if stream is not None and stream.url is not None:
+        print(f"serving at {stream.url}: connect with `rerun {stream.url}`; Ctrl-C ends it", file=sys.stderr)
+        stream.wait()
 
 
 def print_json(data: Any) -> None:

@@ -29,7 +29,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Play a recorded fault into a relay, as a test set does."""
-    from faultloop.cli.output import print_json
+    from faultloop.cli.output import print_json, serve
     from faultloop.cli.report import print_replay
     from faultloop.study.replay import replay
 
@@ -39,4 +39,5 @@ def command(
         print_json(result.as_dict())
     else:
         print_replay(result)
+    serve(result.rerun)
     return 0

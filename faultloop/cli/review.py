@@ -18,7 +18,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """What happened in a log: a summary, and plots where asked for."""
-    from faultloop.cli.output import console, print_json
+    from faultloop.cli.output import console, print_json, serve
     from faultloop.io.mcap_reader import open_log
     from faultloop.study.review import summarize
     from faultloop.study.review_tables import print_review
@@ -45,5 +45,5 @@ def command(
     if rerun is not None:
         from faultloop.io.rerun_sink import log_to_rerun
 
-        log_to_rerun(opened, rerun)
+        serve(log_to_rerun(opened, rerun))
     return 0

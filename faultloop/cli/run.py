@@ -29,7 +29,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Run a scenario closed-loop: faults, estimates, trips over CAN, breakers; everything in a log."""
-    from faultloop.cli.output import print_json, progress_bar
+    from faultloop.cli.output import print_json, progress_bar, serve
     from faultloop.cli.report import print_result, result_as_dict
     from faultloop.errors import InputError
     from faultloop.scenario import load_scenario
@@ -54,4 +54,5 @@ def command(
         print_result(result)
     if result.interrupted:
         return 130
+    serve(result.rerun)
     return 0 if all(e.held for e in result.expectations) else 3

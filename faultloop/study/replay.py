@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,12 @@ from faultloop.io.comtrade.record import Record
 from faultloop.io.comtrade.resample import resample
 from faultloop.io.comtrade.select import SLOTS, select_channels
 from faultloop.io.mcap_reader import open_log
-from faultloop.recording import Attachments, MemorySink, Metadata, Recorder, open_sinks, versions
+from faultloop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
 from faultloop.relay import Relay, RelaySettings, load_settings
 from faultloop.result import EventText, pole_names
+
+if TYPE_CHECKING:
+    from faultloop.io.rerun_sink import RerunSink
 
 SECOND_NS = 1_000_000_000
 BLOCK = 240
@@ -68,6 +71,7 @@ class ReplayResult:
     notes: tuple[str, ...]
     log: Path | None
     memory: MemorySink | None = None
+    rerun: RerunSink | None = None
 
     def samples(self) -> np.ndarray:
         """Sampled values (n,), as the relay saw them."""
@@ -141,7 +145,8 @@ def replay(
         played = _from_comtrade(record, own, mapping)
     memory = MemorySink() if log is None else None
     metadata, attachments = _describe(record, own, mapping)
-    recorder = Recorder(open_sinks(played.start_ns, log, rerun, record.stem, metadata, attachments))
+    streams = open_streams(played.start_ns, log, rerun, record.stem, metadata, attachments)
+    recorder = Recorder(streams.sinks)
     if memory is not None:
         recorder.sinks.append(memory)
     result = ReplayResult(
@@ -156,6 +161,7 @@ def replay(
         played.notes,
         None if log is None else Path(log),
         memory,
+        streams.rerun,
     )
     try:
         _play(relay, played, recorder, result)
@@ -268,11 +274,12 @@ def _from_comtrade(record: Path, settings: RelaySettings, mapping: str | None) -
     Where the record is secondary and does not state its ratios, the settings' ratios are taken.
     """
     read = read_comtrade(record)
-    ratios = {}
+    ct_ratio = vt_ratio = None
     if settings.relay.ohms == "secondary" and not _states_ratios(read):
-        ratios = {"ct_ratio": settings.relay.ct_ratio, "vt_ratio": settings.relay.vt_ratio}
+        ct_ratio, vt_ratio = settings.relay.ct_ratio, settings.relay.vt_ratio
     try:
-        six = resample(select_channels(read, mapping, **ratios), settings.relay.sampling_hz)
+        six = select_channels(read, mapping, ct_ratio=ct_ratio, vt_ratio=vt_ratio)
+        six = resample(six, settings.relay.sampling_hz)
     except InputError as error:
         raise error.within(record) from None
     names = ", ".join(f"{slot} = {name}" for slot, name in zip(SLOTS, six.names, strict=True) if name)
