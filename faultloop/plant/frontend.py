@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter
 
 from faultloop.errors import InputError
 from faultloop.jit import njit
@@ -56,8 +55,8 @@ def front_ends(
     lowpass = np.zeros((count, SECTIONS, 5))
     for i, s in enumerate(settings):
         if s.antialias_hz:
-            sos = _butterworth(s, rate, f"relay[{scenario.relay[i].name}].front_end.antialias_hz")
-            lowpass[i, : len(sos)] = sos[:, [0, 1, 2, 4, 5]]
+            rows = _butterworth(s, rate, f"relay[{scenario.relay[i].name}].front_end.antialias_hz")
+            lowpass[i, : len(rows)] = rows
     sections = [s.antialias_order // 2 if s.antialias_hz else 0 for s in settings]
     flat = [term for relay in terms for term in relay]
     rated_peak = scenario.system.base_kv * 1e3 * math.sqrt(2 / 3)
@@ -84,14 +83,23 @@ def front_ends(
 
 
 def _butterworth(settings: FrontEnd, rate: float, key: str) -> NDArray[np.float64]:
-    """Second-order sections; bilinear transformation, exact at the -3 dB frequency."""
+    """(sections, 5) b0 b1 b2 a1 a2: the bilinear transformation, exact at the -3 dB frequency, of pole pairs
+    with quality 1 / (2 sin((2 i + 1) pi / 2 n))."""
     if settings.antialias_hz >= 0.45 * rate:
         raise InputError(
             f"{settings.antialias_hz:g} Hz is too near half the plant's {rate:g} steps per second; at most "
             f"{0.45 * rate:g} (or more system.steps_per_sample)",
             key=key,
         )
-    return np.asarray(butter(settings.antialias_order, settings.antialias_hz, fs=rate, output="sos"))
+    order = settings.antialias_order
+    k = math.tan(math.pi * settings.antialias_hz / rate)
+    rows = []
+    for i in range(order // 2):
+        damping = 2 * k * math.sin((2 * i + 1) * math.pi / (2 * order))
+        scale = 1 / (1 + damping + k * k)
+        gain = k * k * scale
+        rows.append([gain, 2 * gain, gain, 2 * (k * k - 1) * scale, (1 - damping + k * k) * scale])
+    return np.array(rows)
 
 
 def settle(front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.complex128], angle: float) -> None:

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csc_array
-from scipy.sparse.linalg import splu
 
 from faultloop.errors import InputError
 from faultloop.plant.circuit import GROUND, Branch
@@ -23,6 +21,10 @@ from faultloop.plant.network import CONTACT_OHM, LEAKAGE_S, Model
 
 Complex = NDArray[np.complex128]
 
+RESONANT = 100.0
+"""A bus at more than this many times the largest source is at a resonance."""
+DENSE = 200
+"""Most buses for which a dense solution is quicker than loading a sparse solver."""
 ROTATION = np.exp(-2j * np.pi / 3 * np.arange(3))
 """Phases A, B, C of a positive-sequence phasor."""
 
@@ -52,18 +54,39 @@ def _solve(model: Model, frequency: float) -> Steady:
     for emf in circuit.emfs:
         if emf.frequency_hz == frequency:
             v[row[emf.node]] = emf.amplitude * np.exp(1j * emf.phase)
-    i, j, y = (np.array(part) for part in zip(*_admittances(model, angle), strict=True))
-    matrix = csc_array(coo_array((y, (i, j)), shape=(len(row), len(row))))
     n = model.bus_count
-    try:
-        v[:n] = splu(matrix[:n, :n]).solve(-(matrix[:n, n:] @ v[n:]))
-    except RuntimeError:
+    injected = np.zeros(n, dtype=complex)
+    inner = []
+    for i, j, y in _admittances(model, angle):
+        if i < n and j < n:
+            inner.append((i, j, y))
+        elif i < n:
+            injected[i] -= y * v[j]
+    v[:n] = _linear_solution(inner, injected)
+    if not np.abs(v).max() < RESONANT * max(emf.amplitude for emf in circuit.emfs):
         raise InputError(
-            f"at {frequency:g} Hz the network has no unique steady state: an undamped resonance or a part "
-            "without a source; give its lines and sources some resistance",
-            key="system",
-        ) from None
+            f"at {frequency:g} Hz the network is at an undamped resonance and has no steady state; "
+            "give its lines and sources some resistance",
+            key="system.frequency_hz",
+        )
     return Steady(angle, v, _currents(model, angle, v))
+
+
+def _linear_solution(entries: list[tuple[int, int, complex]], right: Complex) -> Complex:
+    """Of the sparse system with the given entries; NaN where it is singular."""
+    i, j, y = (np.array(part) for part in zip(*entries, strict=True))
+    n = len(right)
+    try:
+        if n <= DENSE:  # importing scipy.sparse takes 0.25 s
+            matrix = np.zeros((n, n), dtype=complex)
+            np.add.at(matrix, (i, j), y)
+            return np.asarray(np.linalg.solve(matrix, right), dtype=np.complex128)
+        from scipy.sparse import coo_array
+        from scipy.sparse.linalg import splu
+
+        return splu(coo_array((y, (i, j)), shape=(n, n)).tocsc()).solve(right)
+    except (np.linalg.LinAlgError, RuntimeError):
+        return np.full(n, np.nan, dtype=complex)
 
 
 def _admittances(model: Model, angle: float) -> Iterator[tuple[int, int, complex]]:

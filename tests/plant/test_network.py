@@ -53,6 +53,18 @@ def test_block_factorization_solves() -> None:
     assert np.abs(y - exact).max() < 1e-10 * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("km", [15.6, 18.0, 25.0, 38.0, 55.0, 71.0])
+def test_interpolation_adds_no_resistance(km: float) -> None:
+    """A lossless section stays lossless (linear interpolation would turn its admittance by up to 0.2 %)."""
+    omega = 2 * np.pi * 50
+    constants = LineConstants(
+        np.zeros(2), np.array([1.2, 0.4]) / omega, np.array([1.8e-6, 2.8e-6]) / omega, 50.0
+    )
+    wave = Wave.of(constants, km, 1 / 19200)
+    for y in wave.admittances(omega / 19200):
+        assert np.abs(y.real / y.imag).max() < 2e-5
+
+
 def test_taps_never_amplify() -> None:
     """The interpolated delay's gain is at most one at every frequency, whatever the travel time."""
     omega = np.linspace(0, np.pi, 400)
@@ -141,6 +153,29 @@ def test_no_voltage_to_take_an_angle_of() -> None:
     fault = {"name": "F", "line": "L", "at_pu": 0.5, "type": "AG", "angle_deg": 0.0}
     with pytest.raises(InputError, match=r"fault\[F\].angle_deg: there is no voltage"):
         Plant(build("rl", source=sources, fault=[fault]))
+
+
+def test_a_network_at_resonance_is_refused() -> None:
+    """A lossless source reactance and a line's lossless capacitance tuned to each other."""
+    own = network("pi")["line"][0] | {"r1_ohm_per_km": 0.0, "r0_ohm_per_km": 0.0, "sections": 1}
+    b = LINE["b1"] * 120e-6 / 2
+    x = LINE["x1"] * 120
+    tuned = 1 / (b + 1 / (1 / b - x))
+    source = {"name": "A", "bus": "A", "z1_ohm": [0.0, tuned], "z0_ohm": [0.0, tuned]}
+    with pytest.raises(
+        InputError, match=r"system.frequency_hz: at 50 Hz the network is at an undamped resonance"
+    ):
+        Plant(build("pi", line=[own], source=[source], system={"steps_per_sample": 200}))
+
+
+def test_a_large_network_starts_steady() -> None:
+    """More buses than the dense solution is for."""
+    lines = [line(f"L{i}", f"B{i}", f"B{i + 1}", "pi", 60.0) | {"sections": 12} for i in range(20)]
+    sources = network()["source"]
+    sources[0]["bus"], sources[1]["bus"] = "B0", "B20"
+    relays = [{"name": "R", "line": "L7", "end": "from", "settings": "x.toml"}]
+    x, _ = record(Plant(build("pi", line=lines, source=sources, relay=relays)), 288)
+    assert np.abs(x[:96] - x[-96:]).max() < 1e-9 * np.abs(x).max()
 
 
 def test_a_source_too_fast_for_the_step_is_refused() -> None:
