@@ -155,7 +155,8 @@ def _instants(
     if zero is None or not len(rows):
         return last_before(rows, np.inf), None
     margin = 0 if summary["inception"]["source"] == "plant" else cycle_ns / 2
-    stop = own["cleared_ns"] or _last_reset(rows, zero - margin) or int(rows.t_ns[-1]) + 1
+    reset = _last_reset(rows, zero - margin) if summary["inception"]["source"] != "plant" else None
+    stop = own["cleared_ns"] or reset or int(rows.t_ns[-1]) + 1
     edges = sorted({zero, stop, *(t for t in _changes(summary) if zero < t < stop)})
     stretches = list(pairwise(edges))
     long = [stretch for stretch in stretches if stretch[1] - stretch[0] >= 1.5 * cycle_ns]

@@ -1,0 +1,147 @@
+"""The picture and the page of a log: they exist, show what they should, and leave nothing half-made."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from faultloop.cli import call
+from faultloop.errors import InputError
+from faultloop.io.mcap_reader import open_log
+from faultloop.io.mcap_writer import LogWriter
+from faultloop.study import page
+from faultloop.study.plot import draw, shown_relays, write_png
+from faultloop.study.relay_rows import relay_rows
+from faultloop.study.review import summarize
+from faultloop.study.review_view import relay_view, thinned, window_ms
+from tests.study.review_logs import BITS, FAULT_NS, OPENED_NS, RECEIVED_NS, START_NS, rows, write_log
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_log(tmp_path_factory.mktemp("plot") / "known.mcap")
+
+
+def odd_log(path: Path, kind: str) -> Path:
+    if kind in ("no relay", "no samples", "one sample"):
+        with LogWriter(path, START_NS) as log:
+            if kind != "no relay":
+                log.add_relay("R1", BITS)
+            if kind == "one sample":
+                log.relay_block("R1", *(array[:1] for array in rows(2).values()))
+        return path
+    return write_log(path, n=300 if kind == "short" else 1920, truth=kind != "replay", nan=kind == "nan")
+
+
+def test_figure_shows_waves_zones_and_times(known: Path) -> None:
+    log = open_log(known)
+    figure = draw(log, summarize(log))
+    voltage, current, timeline, plane, card = figure.axes
+    assert [axes.get_ylabel() for axes in (voltage, current)] == ["voltage [kV]", "current [kA]"]
+    wave = next(line for line in current.get_lines() if len(line.get_xdata()) > 100)
+    assert np.min(wave.get_ydata()) == -9.0  # the peak, in kA
+    labels = [label.get_text() for label in timeline.get_yticklabels()]
+    assert labels == ["fault", "RDIR1", "PDIS1", "PDIS2", "PTRC1", "Q1"]
+    texts = [text.get_text() for text in voltage.texts]
+    assert f"trip {(RECEIVED_NS - FAULT_NS) / 1e6:.1f} ms" in texts
+    assert f"poles open {(max(OPENED_NS) - FAULT_NS) / 1e6:.1f} ms" in texts
+    assert {"PDIS1", "PDIS2", "AG  40.0 %"} <= {text.get_text() for text in plane.texts}
+    (x0, x1), (y0, y1) = plane.get_xlim(), plane.get_ylim()
+    assert x0 < 1.4 * -5 and x1 > 1.4 * 20 and y1 > 1.4 * 50 and y0 < 0
+    assert any("16.38 Ω" in text.get_text() for text in card.texts)
+
+
+def test_png(known: Path, tmp_path: Path) -> None:
+    log = open_log(known)
+    write_png(log, summarize(log), tmp_path / "a.png")
+    image = imread(tmp_path / "a.png")
+    assert image.shape[:2] == (1100, 1120)
+    assert len(np.unique(image.reshape(-1, image.shape[2]), axis=0)) > 100  # not blank
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_page(known: Path, tmp_path: Path) -> None:
+    log = open_log(known)
+    page.write_html(log, summarize(log), tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"https?:", text)
+    for words in ("known", "PDIS1", "Faulted loop", "RFLO1 fault AG at 0.401", 'id="waves0"', 'id="plane0"'):
+        assert words in text
+    assert len(text) < 7e6
+
+
+def test_page_shows_every_sample_of_the_window(known: Path) -> None:
+    log = open_log(known)
+    summary = summarize(log)
+    view = relay_view(relay_rows(log, "R1"), summary)
+    figure = page.waves(view, summary)
+    shown = next(trace for trace in figure.data if trace.name == "ia")
+    np.testing.assert_array_equal(shown.x, view.ms)
+    np.testing.assert_allclose(shown.y, view.rows.samples[:, 3] / 1e3, rtol=1e-6)
+    bar = next(t for t in figure.data if t.type == "bar" and "PDIS1.Op" in t.hovertemplate)
+    assert bar.base[0] == view.ms[580] and bar.x[0] == pytest.approx(view.ms[800] - view.ms[580])
+
+
+@pytest.mark.parametrize("kind", ["no relay", "no samples", "one sample", "short", "nan", "replay"])
+def test_odd_logs(tmp_path: Path, kind: str) -> None:
+    log = open_log(odd_log(tmp_path / "odd.mcap", kind))
+    summary = summarize(log)
+    write_png(log, summary, tmp_path / "odd.png")
+    page.write_html(log, summary, tmp_path / "odd.html")
+    assert (tmp_path / "odd.png").stat().st_size > 1000
+
+
+def test_at_most_three_relays_those_that_tripped_first() -> None:
+    def relay(*trips: int) -> dict:
+        return {"samples": 1, "trips": [{"decided_ns": t} for t in trips]}
+
+    relays = {"A": relay(), "B": relay(50), "C": relay(40), "D": relay(30), "E": relay(60) | {"samples": 0}}
+    assert shown_relays({"relays": relays}) == ["B", "C", "D"]
+
+
+def test_window_is_around_the_fault(known: Path) -> None:
+    start, stop = window_ms(summarize(open_log(known)))
+    assert start == -40.0
+    assert stop == pytest.approx((max(OPENED_NS) - FAULT_NS) / 1e6 + 40)
+
+
+def test_thinned_keeps_the_peaks_and_gaps() -> None:
+    y = np.sin(np.arange(100_000) / 7.0)
+    y[54_321], y[200:20_000] = 9.0, np.nan
+    keep = thinned(y, 1000)
+    assert len(keep) <= 1002
+    assert np.nanmax(y[keep]) == 9.0 and np.nanmin(y[keep]) == np.nanmin(y[keep])
+    assert np.isnan(y[keep]).any()
+    assert (np.diff(keep) > 0).all() and keep[0] == 0 and keep[-1] == len(y) - 1
+    np.testing.assert_array_equal(thinned(y, 100_000), np.arange(100_000))
+
+
+@pytest.mark.parametrize(("option", "name"), [("--png", "a.jpg"), ("--html", "a"), ("--png", "no/a.png")])
+def test_wrong_path_is_one_line(
+    known: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], option: str, name: str
+) -> None:
+    assert call(["review", str(known), option, str(tmp_path / name)]) == 2
+    error = capsys.readouterr().err
+    assert (
+        error.count("\n") == 1 and name in error and ("must end in" in error or "cannot be written" in error)
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folder_in_the_way(known: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.png").mkdir()
+    log = open_log(known)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_png(log, summarize(log), tmp_path / "a.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_names_are_no_markup(tmp_path: Path) -> None:
+    """A relay may be called anything that a foreign log says."""
+    log = open_log(write_log(tmp_path / "x.mcap", truth=False, relay="<script>alert(1)<"))
+    page.write_html(log, summarize(log), tmp_path / "x.html")
+    assert "<script>alert" not in (tmp_path / "x.html").read_text(encoding="utf-8")
