@@ -46,6 +46,11 @@ def cache_root() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "faultloop"
 
 
+def is_warm() -> bool:
+    """Whether the kernels of this version have been compiled on this machine before."""
+    return all((cache_root() / f"{area}-{source_digest(area)}").is_dir() for area in ("plant", "relay"))
+
+
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """``numba.njit`` with a file cache and IEEE arithmetic; ``@njit`` or ``@njit(inline="always")``."""
     options = {"cache": True, "fastmath": False, "error_model": "numpy"} | options

@@ -52,6 +52,14 @@ def serve(stream: RerunSink | None) -> None:
         stream.wait()
 
 
+def announce_compilation() -> None:
+    """Say why the first run takes longer, before it does."""
+    from faultloop.jit import is_warm
+
+    if not is_warm():
+        print("first run of this version: compiling, half a minute or so", file=sys.stderr)
+
+
 def print_json(data: Any) -> None:
     """One JSON object and a newline; NaN and infinity become null, as JSON has neither."""
     json.dump(_plain(data), sys.stdout, indent=2, allow_nan=False)

@@ -29,10 +29,11 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Play a recorded fault into a relay, as a test set does."""
-    from faultloop.cli.output import print_json, serve
+    from faultloop.cli.output import announce_compilation, print_json, serve
     from faultloop.cli.report import print_replay
     from faultloop.study.replay import replay
 
+    announce_compilation()
     path = log if log is not None else Path("logs") / f"{record.stem}-replay.mcap"
     result = replay(record, settings, mapping=map_, log=path, rerun=rerun)
     if json:

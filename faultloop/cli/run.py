@@ -29,7 +29,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Run a scenario closed-loop: faults, estimates, trips over CAN, breakers; everything in a log."""
-    from faultloop.cli.output import print_json, progress_bar, serve
+    from faultloop.cli.output import announce_compilation, print_json, progress_bar, serve
     from faultloop.cli.report import print_result, result_as_dict
     from faultloop.errors import InputError
     from faultloop.scenario import load_scenario
@@ -39,6 +39,7 @@ def command(
         raise InputError("give either --realtime (which is --pace 1) or --pace X", key="--pace")
     checked = load_scenario(scenario, set_ or [])
     path = log if log is not None else Path("logs") / f"{scenario.stem}.mcap"
+    announce_compilation()
     with progress_bar("simulating") as progress:
         result = run(
             checked,

@@ -115,7 +115,8 @@ def decide(constants, zones, state, phasors, users, words):
         if ready and s.memory.frozen:
             started = protect(c, zones, s)
             if not started and s.trip.poles == 0:
-                memory.thaw(c, s.memory, s.x)
+                inside = pdis.inside(s, zones.shape[0])
+                memory.thaw(c, s.memory, s.x, row[12], s.selection.fault, inside)
         else:
             rest(s, zones.shape[0])
         user_operate = 0

@@ -21,6 +21,7 @@ FAULTS = ("", *LOOPS, "ABC")
 THREE_PHASE = 7
 SNAPSHOTS = 32
 MEMORY_CYCLES = 2
+REFERENCE_CYCLES = 1.25  # longer than the slowest estimator takes to show a disturbance
 
 SELF, CROSS, MEMORY_POLARIZED, OFFSET, QUAD = range(5)
 _POLARIZATION = {"self": SELF, "cross": CROSS, "memory": MEMORY_POLARIZED}
@@ -40,8 +41,8 @@ CONSTANTS = _record(
     ("cycle", "i8"),  # samples in a nominal cycle
     ("snapshot", "i8"),  # samples between two snapshots of the memory
     ("snapshots", "i8"),  # how many of the ring are used
+    ("lag", "i8"),  # how many snapshots ago the reference was taken
     ("settling", "i8"),  # samples until the estimator is right
-    ("hold", "i8"),  # samples a disturbance is kept without a start
     ("z1", "c16"),
     ("z0", "c16"),
     ("minimum_voltage", "f8"),
@@ -98,9 +99,9 @@ MEMORY = _record(
     ("fed", "i8"),  # a current has changed too, and not only a voltage
     ("age", "i8"),  # samples since
     ("calm", "i8"),  # samples in a row without a difference from the reference
+    ("still", "i8"),  # samples in a row without movement, and outside every zone
     ("blind", "i8"),  # samples left after a pole opened
     ("frequency", "f8"),  # of the reference [Hz]
-    ("tracked", "i8"),  # how often it was updated
     ("rotor", "c16"),  # its turn per sample
     ("reference", "c16", (6,)),
 )
@@ -174,9 +175,9 @@ def constants(settings: RelaySettings, settling_samples: int) -> NDArray[np.void
         "cycle": round(cycle),
         "snapshot": snapshot,
         "snapshots": math.ceil(MEMORY_CYCLES * cycle / snapshot),
+        "lag": math.ceil(REFERENCE_CYCLES * cycle / snapshot),
         # A recursive estimator forgets its start slowly; the memory waits for a steady voltage anyway.
         "settling": max(min(settling_samples, math.ceil(1.25 * cycle)), 1),
-        "hold": samples(200.0),
         "z1": settings.z1_ohm,
         "z0": settings.z0_ohm,
         "minimum_voltage": voltage,

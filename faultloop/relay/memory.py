@@ -1,9 +1,9 @@
 """The reference from before the fault: one memory for polarization, phase selection and fault location.
 
-A ring keeps snapshots of the six phasors over the last two cycles.  In quiet the reference is the oldest
-snapshot, turned forward in phase by the measured frequency; at a disturbance it is frozen and goes on
-turning at the frequency from before the fault, so it stays in step with the source off nominal frequency
-too.  The reference holds whatever the system did before - load, unbalance, an open pole - and the change
+A ring keeps snapshots of the six phasors over the last two cycles.  In quiet the reference is the one of a
+cycle and a quarter ago, turned forward in phase by the measured frequency; at a disturbance it is frozen and
+goes on turning at the frequency from before the fault, so it stays in step with the source off nominal
+frequency too.  The reference holds whatever the system did before - load, unbalance, an open pole - and the change
 against it is what the fault added (superposition).
 """
 
@@ -75,8 +75,21 @@ def fill(c, m, x):
 
 
 @njit
+def is_frequency(c, f):
+    """Whether ``f`` can be the system's; False for NaN."""
+    return abs(f - c.frequency) < 0.1 * c.frequency
+
+
+@njit
+def turn_with(c, m, frequency):
+    """Let the reference turn with this frequency [Hz]."""
+    m.frequency = frequency
+    m.rotor = cmath.rect(1.0, 2 * math.pi * (frequency - c.frequency) / c.sampling)
+
+
+@njit
 def snapshot(c, m, x, frequency):
-    """Take a snapshot; in quiet, move the reference on to the oldest one."""
+    """Take a snapshot; in quiet, move the reference on to a later one."""
     m.tick = 0
     latest = m.head
     m.head = (m.head + 1) % c.snapshots
@@ -95,23 +108,22 @@ def snapshot(c, m, x, frequency):
     m.moving = differs(c, x, before)
     if m.frozen:
         return
-    oldest = (m.head + 1) % c.snapshots
-    f = m.ring_frequency[oldest]
-    if abs(f - c.frequency) < 0.1 * c.frequency:  # false for NaN
-        m.tracked += 1
-        m.frequency += max(0.1, 1.0 / m.tracked) * (f - m.frequency)
-    step = 2 * math.pi * (m.frequency - c.frequency) / c.sampling
-    m.rotor = cmath.rect(1.0, step)
-    turn = cmath.rect(1.0, step * (c.snapshot * (c.snapshots - 1)))
+    slot = (m.head - c.lag) % c.snapshots
+    f = m.ring_frequency[slot]
+    if is_frequency(c, f):
+        turn_with(c, m, m.frequency + 0.1 * (f - m.frequency))
+    turn = m.rotor ** (c.snapshot * c.lag)
     for k in range(6):
-        m.reference[k] = m.ring[oldest, k] * turn
+        m.reference[k] = m.ring[slot, k] * turn
 
 
 @njit
-def establish(c, m, x):
-    """Before the memory is ready: wait for a voltage that stands still for half a cycle."""
+def establish(c, m, x, frequency):
+    """Before the memory is ready: wait for a voltage of known frequency that is still for half a cycle."""
     v1 = positive_sequence(x)
-    alive = size2(v1) > c.minimum_voltage**2
+    alive = is_frequency(c, frequency) and size2(v1) > c.minimum_voltage**2
+    if alive:
+        turn_with(c, m, frequency)
     if alive and size2(v1 - positive_sequence(m.reference)) < 0.05**2 * size2(v1):
         m.steady += 1
     else:
@@ -126,8 +138,7 @@ def remember(c, m, x, frequency):
     m.seen += 1
     if m.seen <= c.settling:
         if m.seen == 1:
-            m.frequency = c.frequency
-            m.rotor = complex(1.0, 0.0)
+            turn_with(c, m, c.frequency)
         if m.seen == c.settling:
             fill(c, m, x)
         return False
@@ -137,7 +148,7 @@ def remember(c, m, x, frequency):
     if m.tick == c.snapshot:
         snapshot(c, m, x, frequency)
         if not m.ready:
-            establish(c, m, x)
+            establish(c, m, x, frequency)
         elif not m.frozen and size2(positive_sequence(m.reference)) < c.minimum_voltage**2:
             m.ready = 0
             m.steady = 0
@@ -153,14 +164,20 @@ def freeze(m):
     m.fed = 0
     m.age = 0
     m.calm = 0
+    m.still = 0
 
 
 @njit
-def thaw(c, m, x):
-    """End a disturbance that no element needs any more: it went away, or the new state has settled."""
-    if differs(c, x, m.reference):
-        m.calm = 0
-    else:
-        m.calm += 1
-    if m.calm >= c.cycle // 2 or (m.age >= c.hold and not m.moving):
+def thaw(c, m, x, frequency, selected, inside):
+    """End a disturbance that no element needs any more.
+
+    Either it went away, for half a cycle, or the new state is not ``inside`` any zone and has stood still:
+    for two cycles where it is balanced (a change of load or frequency), for ten where it is not.
+    """
+    balanced = selected == 0 or selected == 7
+    m.calm = 0 if differs(c, x, m.reference) else m.calm + 1
+    m.still = 0 if m.moving or inside else m.still + 1
+    if m.calm * 2 >= c.cycle or m.still >= (2 if balanced else 10) * c.cycle:
+        if is_frequency(c, frequency):
+            turn_with(c, m, frequency)
         fill(c, m, x)

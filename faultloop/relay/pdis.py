@@ -201,6 +201,15 @@ def step_zone(c, z, w, s, mask):
 
 
 @njit
+def inside(s, count):
+    """Whether the fault is inside any zone that has not started yet."""
+    found = False
+    for k in range(count):
+        found |= s.zone[k].counter > 0
+    return found
+
+
+@njit
 def step_zones(c, zones, s):
     """One sample of all zones.  Returns True while any has started."""
     mask = released(c, s)

@@ -164,7 +164,7 @@ class Phs(Table):
     """A change of a phase current that is a disturbance; 10 A primary where not given."""
     pickup_current_pu: Annotated[float, Field(gt=0, lt=1)] = 0.1
     """The same, of the positive-sequence load current; the greater one holds."""
-    pickup_voltage_pu: Annotated[float, Field(gt=0, lt=1)] = 0.05
+    pickup_voltage_pu: Annotated[float, Field(gt=0, lt=1)] = 0.08
     """A change of a phase voltage that is a disturbance, of the voltage before."""
     single_phase_ratio: Annotated[float, Field(gt=0, lt=0.5)] = 0.3
     """One-phase where the healthy pair's change is below this part of the greatest."""

@@ -4,8 +4,8 @@ Profile 1, data-id mode "both" (variant 1A): CRC-8 SAE J1850 (polynomial 0x1D) i
 zero as E2E_P01 has them, over the data id (low, then high byte) and bytes 1 to the end; the counter, 0 to 14,
 is the low nibble of byte 1.  Profile 5: CRC-16 CCITT-FALSE, least significant byte first, in bytes 0 and 1,
 over bytes 2 to the end and then the data id; the counter, 0 to 255, is byte 2.
-Source: AUTOSAR FO "E2E Protocol Specification" (PRS_E2EProtocol), chapters 6.3 and 6.7.  The data id is the
-frame's identifier, so that a frame that comes under another's name fails its check.
+Source: AUTOSAR Foundation, "E2E Protocol Specification" (PRS_E2EProtocol), profiles 1 and 5.  The data id is
+the frame's identifier, so that a frame that comes under another's name fails its check.
 """
 
 from __future__ import annotations
@@ -28,26 +28,12 @@ def _table_of_one_byte(polynomial: int) -> list[int]:
 _STEP = _table_of_one_byte(0x1D)
 
 
-def _table_at(distance: int) -> bytes:
-    """What a byte adds to a CRC that has `distance` more bytes to go through (a CRC is linear)."""
-    column = list(_STEP)
-    for _ in range(distance):
-        column = [_STEP[crc] for crc in column]
-    return bytes(column)
-
-
-# One table per byte's place turns the chain of look-ups into independent ones (0.30 us against 0.55 us).
-_T0, _T1, _T2, _T3, _T4, _T5, _T6 = (_table_at(distance) for distance in range(7))
-_ID_LOW, _ID_HIGH = _table_at(8), _table_at(7)
-
-
 def crc8_p01(data_id: int, data: bytes | bytearray) -> int:
-    """CRC of an 8-byte frame under profile 1; byte 0, where it goes, is not read."""
-    _, b1, b2, b3, b4, b5, b6, b7 = data
-    return (
-        _ID_LOW[data_id & 0xFF] ^ _ID_HIGH[data_id >> 8]
-        ^ _T6[b1] ^ _T5[b2] ^ _T4[b3] ^ _T3[b4] ^ _T2[b5] ^ _T1[b6] ^ _T0[b7]
-    )  # fmt: skip
+    """CRC of a frame under profile 1; byte 0, where it goes, is not read."""
+    crc = _STEP[_STEP[data_id & 0xFF] ^ data_id >> 8]
+    for byte in data[1:]:
+        crc = _STEP[crc ^ byte]
+    return crc
 
 
 def crc16_p05(data_id: int, data: bytes | bytearray) -> int:

@@ -1,7 +1,8 @@
 """The .dat: one array of numbers per channel.
 
-The `comtrade` package reads it by Python loops; here NumPy and pyarrow do (see the measured gain in bench/).
-The tests hold the two against each other on every record.
+The `comtrade` package reads it field by field in Python; here NumPy and pyarrow do: 70 MB of ASCII in 2.7 s
+against 16.5 s, 68 MB of binary in 1.2 s against 3.5 s (bench/comtrade_files.py).  The tests hold the two
+against each other on every record.
 """
 
 from __future__ import annotations
