@@ -154,7 +154,7 @@ def test_replay_estimates_the_inception(tmp_path: Path) -> None:
 
 
 def test_pickup_is_all_there_is(tmp_path: Path) -> None:
-    """Steady samples from the first on: the pickup has to do, and the text says that the fault was earlier."""
+    """Steady samples from the first on: the pickup has to do; the text says that the fault was earlier."""
     path = tmp_path / "steady.mcap"
     with LogWriter(path, START_NS) as log:
         log.add_relay("R1", BITS)
