@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from faultloop.cli.output import console, table
 from faultloop.result import Result, delay_ms, pole_names
-from faultloop.study.replay import ReplayResult
+
+if TYPE_CHECKING:  # it brings scipy.signal and pandas, 2 s that a run has no use for
+    from faultloop.study.replay import ReplayResult
 
 
 def result_as_dict(result: Result) -> dict[str, Any]:
