@@ -3,8 +3,8 @@
 A ring keeps snapshots of the six phasors over the last two cycles.  In quiet the reference is the one of a
 cycle and a quarter ago, turned forward in phase by the measured frequency; at a disturbance it is frozen and
 goes on turning at the frequency from before the fault, so it stays in step with the source off nominal
-frequency too.  The reference holds whatever the system did before - load, unbalance, an open pole - and the change
-against it is what the fault added (superposition).
+frequency too.  The reference holds whatever the system did before - load, unbalance, an open pole - and the
+change against it is what the fault added (superposition).
 """
 
 from __future__ import annotations
