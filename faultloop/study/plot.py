@@ -85,9 +85,10 @@ def draw(log: Log, summary: Summary) -> Figure:
     views = [relay_view(relay_rows(log, name), summary) for name in names]
     edges = {"left": 0.065 if columns == 1 else 0.05, "right": 0.985, "top": 0.872, "bottom": 0.05}
     grid = figure.add_gridspec(1, columns, wspace=0.14, **edges)
+    tallest = max(4, *(len(_drawn_rows(view, window_ms(summary))) for view in views))
     shared: list[Axes] = []
     for place, view in enumerate(views):
-        shared = _relay_column(figure, grid[place], (log, summary, view), shared)
+        shared = _relay_column(figure, grid[place], (log, summary, view, tallest), shared)
     return figure
 
 
@@ -116,14 +117,14 @@ def _headings(figure: Figure, summary: Summary, shown: int) -> None:
 
 
 def _relay_column(
-    figure: Figure, cell: Any, what: tuple[Log, Summary, RelayView], shared: Sequence[Axes]
+    figure: Figure, cell: Any, what: tuple[Log, Summary, RelayView, int], shared: Sequence[Axes]
 ) -> list[Axes]:
     """Voltages, currents and timeline over one time axis; below, the R-X plane and the figures."""
-    log, summary, view = what
+    log, summary, view, tallest = what
     halves = cell.subgridspec(2, 1, height_ratios=[1.45, 1], hspace=0.13)
     span = window_ms(summary)
     drawn = _drawn_rows(view, span)
-    waves = halves[0].subgridspec(3, 1, height_ratios=[1, 1, 0.1 * max(len(drawn), 4) + 0.1], hspace=0.07)
+    waves = halves[0].subgridspec(3, 1, height_ratios=[1, 1, 0.1 * tallest + 0.1], hspace=0.07)
     low = halves[1].subgridspec(1, 2, width_ratios=[1.25, 1], wspace=0.02)
     voltage = figure.add_subplot(waves[0], sharey=shared[0] if shared else None)
     current = figure.add_subplot(waves[1], sharex=voltage, sharey=shared[1] if shared else None)
@@ -133,6 +134,7 @@ def _relay_column(
     _timeline(timeline, drawn, span)
     zero = "time" if summary["inception"]["t_ns"] is None else "time from fault inception"
     timeline.set_xlabel(f"{zero} [ms]", loc="left")
+    timeline.set_ylim(tallest - 0.4, -0.6)
     voltage.set_xlim(*span)
     for axes in (voltage, current):
         axes.tick_params(labelbottom=False, length=0)
@@ -189,7 +191,6 @@ def _timeline(axes: Axes, rows: Sequence[TimelineRow], span: tuple[float, float]
         _bar_texts(axes, place, row, span)
     axes.set_yticks(range(len(rows)), [row.label for row in rows])
     axes.tick_params(axis="y", length=0, labelcolor=INK)
-    axes.set_ylim(max(len(rows), 1) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
     if not rows:
         axes.text(0.5, 0.5, "nothing started", transform=axes.transAxes, ha="center", color=FAINT)
