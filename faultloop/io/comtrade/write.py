@@ -18,7 +18,7 @@ from faultloop.io.comtrade.record import SECOND_NS, AnalogChannel, Record
 # Greatest raw value: symmetric about zero, and the value that stands for "missing" left out.
 _FULL_SCALE = {"ASCII": 99_998, "BINARY": 2**15 - 1, "BINARY32": 2**31 - 1}
 _STAMP_LIMIT = 2**32 - 2
-_BY_REVISION = {"1999": ("ASCII", "BINARY"), "2013": FORMATS}
+REVISIONS = ("1999", "2013")
 
 
 @dataclass(slots=True)
@@ -39,10 +39,11 @@ def write_comtrade(
 
     Parameters
     ----------
-    path : ``.cfg``, beside which the ``.dat`` is put, or ``.cff`` (only 2013 has it).
+    path : ``.cfg``, beside which the ``.dat`` is put, or ``.cff``.
     record : what to write; its values are scaled channel by channel to the full range of the format.
     revision : "1999" or "2013".
-    format : "ASCII" or "BINARY"; 2013 has "BINARY32" and "FLOAT32", too.
+    format : "ASCII", "BINARY", "BINARY32" or "FLOAT32".  The standard gives 1999 only the first two and no
+        ``.cff``; readers take the others all the same.
 
     Returns the files written.  They are written aside and renamed, the .cfg last: there is no .cfg without
     its whole .dat.  A value read back differs by at most half a step, which is the channel's range divided by
@@ -84,19 +85,12 @@ def _check(path: Path, record: Record, revision: str, format: str) -> None:
     suffix = path.suffix.lower()
     if suffix not in (".cfg", ".cff"):
         raise InputError("the name of a COMTRADE record must end in .cfg or .cff", file=path)
-    if revision not in _BY_REVISION:
+    if revision not in REVISIONS:
         raise InputError(
             f"'{revision}' cannot be written: it must be 1999 or 2013", file=path, key="revision"
         )
     if format not in FORMATS:
         raise InputError(f"no data format '{format}': {nearest(format, FORMATS)}", file=path, key="format")
-    if format not in _BY_REVISION[revision]:
-        has = " and ".join(_BY_REVISION[revision])
-        raise InputError(f"revision {revision} has only {has}: {format} needs 2013", file=path, key="format")
-    if suffix == ".cff" and revision != "2013":
-        raise InputError(
-            "only revision 2013 has the single file .cff: write a .cfg", file=path, key="revision"
-        )
     texts = [record.station, record.device]
     for channel in (*record.analog, *record.status):
         texts += [channel.name, channel.phase, channel.circuit]
