@@ -32,6 +32,8 @@ def rest(s, count):
     s.selection.candidate = 0
     s.selection.count = 0
     s.direction.direction = 0
+    s.direction.candidate = 0
+    s.direction.count = 0
     for k in range(count):
         pdis.reset_zone(s.zone[k])
 

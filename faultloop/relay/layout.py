@@ -108,7 +108,7 @@ MEMORY = _record(
 
 SELECTION = _record(("fault", "i8"), ("candidate", "i8"), ("count", "i8"))
 
-DIRECTION = _record(("direction", "i8"), ("polarizing", "c16"))
+DIRECTION = _record(("direction", "i8"), ("candidate", "i8"), ("count", "i8"), ("polarizing", "c16"))
 
 ZONE_STATE = _record(
     ("counter", "f8"),

@@ -26,6 +26,7 @@ from faultloop.jit import njit
 from faultloop.relay.memory import positive_sequence, size2
 
 MEMORY_SHARE = 0.2
+AS_BEFORE = 2
 
 
 @njit
@@ -70,31 +71,42 @@ def by_sector(v, i, c):
 
 
 @njit
-def decide(c, s):
-    """One sample of the directional element, during a disturbance; sets ``s.direction``."""
-    r = s.direction
-    r.polarizing = polarizing_voltage(c, s)
-    if s.selection.fault == 0:
-        r.direction = 0
-        return
+def indication(c, s):
+    """What this sample says: 1 forward, -1 reverse, 0 nothing, 2 as before."""
     d = s.change
     first = projection(d[1], d[4], c.z1) + projection(d[2], d[5], c.z1)
     current2 = size2(d[4]) + size2(d[5])
     floor = (0.1 * c.minimum_current) ** 2
     if s.memory.age <= 2 * c.cycle and current2 > floor:
-        r.direction = by_impedance(first, current2, c.z1, c)
-        return
+        return by_impedance(first, current2, c.z1, c)
     v0, v1, v2, i0, i1, i2 = s.sequence
     if s.closed != 7:  # with a pole open only what the fault added tells
         v0, i0, v2, i2 = d[0], d[3], d[2], d[5]
     least = max(c.minimum_unbalance**2 * size2(i1), floor)
     if s.selection.fault != 7 and size2(i2) > least:
-        r.direction = by_impedance(projection(v2, i2, c.z1), size2(i2), c.z1, c)
-    elif s.selection.fault <= 3 and size2(i0) > least:
-        r.direction = by_impedance(projection(v0, i0, c.z0), size2(i0), c.z0, c)
-    elif size2(i1) > c.minimum_current**2 / 4:
-        v = (1 - MEMORY_SHARE) * v1 + MEMORY_SHARE * r.polarizing
-        if size2(v) > 0.01**2 * size2(positive_sequence(s.memory.reference)):
-            r.direction = by_sector(v, i1, c)
-    else:
-        r.direction = 0
+        return by_impedance(projection(v2, i2, c.z1), size2(i2), c.z1, c)
+    if s.selection.fault <= 3 and size2(i0) > least:
+        return by_impedance(projection(v0, i0, c.z0), size2(i0), c.z0, c)
+    if size2(i1) < c.minimum_current**2 / 4:
+        return 0
+    v = (1 - MEMORY_SHARE) * v1 + MEMORY_SHARE * s.direction.polarizing
+    if size2(v) > 0.01**2 * size2(positive_sequence(s.memory.reference)):
+        return by_sector(v, i1, c)
+    return AS_BEFORE
+
+
+@njit
+def decide(c, s):
+    """One sample of the directional element, during a disturbance; sets ``s.direction``.
+
+    A direction must stand for a sixteenth of a cycle, and is given once the fault's type is known.
+    """
+    r = s.direction
+    r.polarizing = polarizing_voltage(c, s)
+    candidate = indication(c, s)
+    if candidate == AS_BEFORE:
+        return
+    r.count = r.count + 1 if candidate == r.candidate else 1
+    r.candidate = candidate
+    if s.selection.fault != 0 and r.count * 16 >= c.cycle:
+        r.direction = candidate
