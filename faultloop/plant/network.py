@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.plant.circuit import GROUND, Branch, Circuit, Switch, WaveSection
+from faultloop.plant.elements import EMF_BLOCK, Network, State
 from faultloop.plant.factor import Factor, elimination_order, factorize, symbolic
-from faultloop.plant.kernel import EMF_BLOCK, Network, State
 from faultloop.plant.lines import Pair
 
 CONTACT_OHM = 1e-4

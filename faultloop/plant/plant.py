@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from faultloop.errors import InputError, nearest
 from faultloop.plant import kernel
 from faultloop.plant.circuit import Circuit
+from faultloop.plant.elements import State
 from faultloop.plant.frontend import SECTIONS, FrontEnds, front_ends, settle
-from faultloop.plant.kernel import State, Watch
+from faultloop.plant.kernel import PENDING, ROW, STEP, STOP, Watch
 from faultloop.plant.network import Model, renew_switch_currents
 from faultloop.plant.probe import Probe
 from faultloop.plant.steady import ROTATION, Steady, fill, steady_states
@@ -123,22 +124,22 @@ class Plant:
         if len(self._samples) < n:
             self._samples = np.empty((n, len(self.scenario.relay), 6))
         clock, network = self._watch.clock, self._model.network
-        clock[3] = 0
+        clock[ROW] = 0
         self.changes = []
         end = (self.sample_count + n - 1) * self.steps_per_sample
-        while clock[0] < end or clock[4]:
-            now = int(clock[0])
+        while clock[STEP] < end or clock[PENDING]:
+            now = int(clock[STEP])
             due = [action for action in self._actions if action.step <= now < end]
-            if due and not clock[4]:
+            if due and not clock[PENDING]:
                 self._actions = tuple(action for action in self._actions if action.step > now)
                 self._act(due)
             else:
-                clock[2] = min([end, *(a.step for a in self._actions)])
+                clock[STOP] = min([end, *(a.step for a in self._actions)])
                 if kernel.run(network, self._factor, self._state, self._watch, self._front, self._samples):
                     self._open_at_zero()
             if self.changes:
-                end = min(end, -(-int(clock[0]) // self.steps_per_sample) * self.steps_per_sample)
-        m = int(clock[3])
+                end = min(end, -(-int(clock[STEP]) // self.steps_per_sample) * self.steps_per_sample)
+        m = int(clock[ROW])
         self.sample_count += m
         self.samples = self._samples[:m]
         return m
@@ -160,7 +161,7 @@ class Plant:
         switch = self._breakers.index(breaker)
         settings = self.scenario.breaker[switch]
         delay = settings.operate_ms if action == "open" else settings.close_ms
-        step = max(self._step_at(t_ns + round(delay * 1e6)), int(self._watch.clock[0]))
+        step = max(self._step_at(t_ns + round(delay * 1e6)), int(self._watch.clock[STEP]))
         if action == "open":
             for other in self._actions:
                 if other.switch == switch and other.kind == "part" and other.step <= step:
@@ -238,7 +239,7 @@ class Plant:
 
     def _change(self, masks: tuple[int, ...]) -> None:
         """From ``watch.instant`` of the present step on, the conducting poles are ``masks``."""
-        step, instant = int(self._watch.clock[0]), float(self._watch.instant[0])
+        step, instant = int(self._watch.clock[STEP]), float(self._watch.instant[0])
         t_ns = step * NS // self._rate if instant == 0 else math.floor((step + instant) * NS / self._rate)
         for switch, (old, new) in enumerate(zip(self._masks, masks, strict=True)):
             if old == new:
@@ -290,7 +291,7 @@ class Plant:
         return -(-t_ns * self._rate // NS)
 
     def _now_ns(self) -> int:
-        return int(self._watch.clock[0]) * NS // self._rate
+        return int(self._watch.clock[STEP]) * NS // self._rate
 
 
 def _poles(mask: int) -> NDArray[np.bool_]:
@@ -319,6 +320,8 @@ def _new_state(model: Model, relays: int) -> tuple[NDArray[np.float64], State]:
         "lowpass": (relays, 6, SECTIONS, 2),
         "old_v": (rows, 3),
         "old_current": (currents, 3),
+        "half_v": (rows, 3),
+        "half_current": (currents, 3),
         "wave_history": (waves, 6),
         "measured": (relays, 6),
     }

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.plant.elements import State
 from faultloop.plant.factor import Factor
-from faultloop.plant.kernel import State
 from faultloop.plant.network import Model, renew_switch_currents
 
 Phases = NDArray[np.float64]

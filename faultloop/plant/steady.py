@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError
 from faultloop.plant.circuit import GROUND, Branch
-from faultloop.plant.kernel import State
+from faultloop.plant.elements import State
 from faultloop.plant.network import CONTACT_OHM, LEAKAGE_S, Model
 
 Complex = NDArray[np.complex128]
