@@ -185,32 +185,34 @@ class Circuit:
     ) -> None:
         """One stretch between two points of the line, in its model."""
         length = (span[1] - span[0]) * line.length_km
-        count = 1
-        if line.model == "pi":
-            count = math.ceil(length / PI_SECTION_KM)
-            if line.sections is not None:
-                count = max(1, math.ceil(line.sections * (span[1] - span[0]) - SAME_POINT))
-        elif line.model == "bergeron":
-            count = bergeron_sections(constants, length, self.dt)
-            if count == 0:
-                self._note_short(line, constants, length, span)
-        names = [start, *(f"{line.name}@{span[0]!r}#{i}" for i in range(1, max(count, 1))), end]
-        piece = length / max(count, 1)
-        if line.model == "bergeron" and count:
-            wave = Wave.of(constants, piece, self.dt)
+        waves = bergeron_sections(constants, length, self.dt) if line.model == "bergeron" else 0
+        if waves:
+            wave = Wave.of(constants, length / waves, self.dt)
+            names = _cascade(line, start, end, span[0], waves)
             self.waves += [WaveSection(a, b, wave) for a, b in pairwise(names)]
             return
-        self.branches += [Branch(a, b, constants.r * piece, constants.l * piece) for a, b in pairwise(names)]
-        if constants.c.any():
-            for i, name in enumerate(names):
-                share = piece / 2 if i in (0, len(names) - 1) else piece
-                self.branches.append(Branch(name, GROUND, np.zeros(2), np.zeros(2), constants.c * share))
+        count = 1
+        if line.sections is not None:
+            count = max(1, math.ceil(line.sections * (span[1] - span[0]) - SAME_POINT))
+        elif line.model != "rl":
+            count = math.ceil(length / PI_SECTION_KM)
+        if line.model == "bergeron":
+            self._note_short(line, constants, length, span)
+        names = _cascade(line, start, end, span[0], count)
+        r, l, c = (per_km * length / count for per_km in (constants.r, constants.l, constants.c))
+        self.branches += [Branch(a, b, r, l) for a, b in pairwise(names)]
+        if c.any():
+            shares = [0.5, *[1.0] * (count - 1), 0.5]
+            zero = np.zeros(2)
+            self.branches += [
+                Branch(name, GROUND, zero, zero, c * share) for name, share in zip(names, shares, strict=True)
+            ]
 
     def _note_short(self, line: Line, constants: LineConstants, length: float, span: list[float]) -> None:
         tau = constants.travel_time(length).min()
         self.notes.append(
             f"line {line.name} from {span[0]:.6g} to {span[1]:.6g} pu ({length:.4g} km): travel time "
-            f"{tau * 1e6:.3g} us is under one step of {self.dt * 1e6:.3g} us, so a nominal-pi section"
+            f"{tau * 1e6:.3g} us is under one step of {self.dt * 1e6:.3g} us, so nominal-pi there"
         )
 
     def _currents_from(self, node: str, first_branch: int, first_wave: int) -> list[Term]:
@@ -274,3 +276,8 @@ def fault_position(fault: Fault, line: Line) -> float:
 
 def _bus(line: Line, end: str) -> str:
     return line.from_bus if end == "from" else line.to_bus
+
+
+def _cascade(line: Line, start: str, end: str, at: float, count: int) -> list[str]:
+    """Names of the nodes of ``count`` equal sections from position ``at`` on."""
+    return [start, *(f"{line.name}@{at!r}#{i}" for i in range(1, count)), end]

@@ -118,8 +118,7 @@ def test_a_bergeron_line_too_short_for_a_step_is_a_pi_and_says_so() -> None:
     plant = Plant(build("bergeron", line=[line("L", "A", "B", "bergeron", 10.0)]))
     (note,) = plant.notes
     assert note == (
-        "line L from 0 to 1 pu (10 km): travel time 33.7 us is under one step of 52.1 us, "
-        "so a nominal-pi section"
+        "line L from 0 to 1 pu (10 km): travel time 33.7 us is under one step of 52.1 us, so nominal-pi there"
     )
 
 
