@@ -162,6 +162,7 @@ def freeze(m):
     """A disturbance: keep the reference from before it."""
     m.frozen = 1
     m.fed = 0
+    m.drift = np.inf  # unknown until the next snapshot
     m.age = 0
     m.calm = 0
     m.still = 0

@@ -25,7 +25,8 @@ FIRST_CAPACITY = 512
 
 @dataclass(frozen=True)
 class RelayInputs:
-    """Binary inputs: mask of closed poles as the breaker reports them, and the received pilot bits."""
+    """Binary inputs: mask of closed poles as the breaker reports them, and the received pilot bits (no scheme
+    uses them yet)."""
 
     breaker_closed: int = 7
     pilot: int = 0
@@ -69,6 +70,7 @@ class Relay:
         self.sample_count = 0
         self._last_words = (0, 0)
         self._trips, self._located, self._tripped = 0, 0, False
+        self._capacity = 0
         self._reserve(FIRST_CAPACITY)
         self.phasors, self.loops = self._phasors[:0], self._loops[:0]
         self.pickup, self.operate = self._words[:0, 0], self._words[:0, 1]
@@ -154,7 +156,7 @@ class Relay:
                 self._users[:n, k] = out
 
     def _reserve(self, n: int) -> None:
-        if n <= getattr(self, "_capacity", 0):
+        if n <= self._capacity:
             return
         self._capacity = n
         self._phasors = np.zeros((n, ROW))
