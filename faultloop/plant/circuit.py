@@ -229,21 +229,24 @@ class Circuit:
         return terms
 
     def _add_fault(self, fault: Fault) -> None:
-        if fault.bus is not None:
-            node = fault.bus
-        else:
+        node = fault.bus
+        if node is None:
             line = next(line for line in self.scenario.line if line.name == fault.line)
-            position = fault_position(fault, line)
+            node = self._node_at(line, fault_position(fault, line))
             breakers = [(b.line, b.end) for b in self.scenario.breaker]
-            node = f"{line.name}@{position!r}"
-            for end, pu in (("from", 0.0), ("to", 1.0)):
-                if abs(position - pu) <= SAME_POINT:
-                    # a fault at a line's end lies beyond the current transformer, which must see it
-                    node = self.terminals[line.name, end]
-                    if (line.name, end) not in breakers:
-                        self.terms[line.name, end].append(("switch", len(self.switches), 1.0))
+            for end in ("from", "to"):
+                # a fault at a line's end lies beyond the current transformer, which must see it
+                if node == self.terminals[line.name, end] and (line.name, end) not in breakers:
+                    self.terms[line.name, end].append(("switch", len(self.switches), 1.0))
         self.fault_nodes.append(node)
         self.switches.append(Switch(node, GROUND, fault))
+
+    def _node_at(self, line: Line, position: float) -> str:
+        """Of a fault on a line; the same for positions that differ only by rounding."""
+        point = min(self._fault_points(line), key=lambda p: abs(p - position))
+        if point in (0.0, 1.0):
+            return self.terminals[line.name, "to" if point else "from"]
+        return f"{line.name}@{point!r}"
 
     def _check_islands(self) -> None:
         """Every bus must reach a source: elsewhere nothing fixes a voltage, or all is zero for ever."""

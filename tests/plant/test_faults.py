@@ -65,6 +65,14 @@ def test_a_fault_evolves() -> None:
     assert np.abs(phasors(x, 0, 4800) / exact - 1).max() < 0.003
 
 
+def test_one_point_given_in_two_ways_is_one() -> None:
+    """0.1 + 0.2 per unit and 36 of 120 km differ in the last bit."""
+    events = [fault("F1", "AG", at_pu=0.1 + 0.2), fault("F2", "BCG", at_km=36.0, at_pu=None)]
+    del events[1]["at_pu"]
+    x, _ = record(Plant(build("bergeron", fault=events)), 2900)
+    assert np.abs(phasors(x, 0, 4800) / solve("bergeron", 0.3, "ABCG") - 1).max() < 0.003
+
+
 def test_two_faults_at_once_at_different_points_and_at_a_bus() -> None:
     events = [
         fault("F1", "AG"),

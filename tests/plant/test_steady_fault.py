@@ -10,7 +10,7 @@ from faultloop.scenario import FAULT_TYPES
 from tests.plant.reference import build, phasors, solve
 
 POSITIONS = (0.0, 0.1, 0.45, 0.8, 1.0)
-LIMIT = {"rl": 0.002, "pi": 0.005, "bergeron": 0.002}
+LIMIT = {"rl": 0.001, "pi": 0.001, "bergeron": 0.001}
 SECONDS = 0.6  # the slowest decay of this network has 25 ms
 
 
