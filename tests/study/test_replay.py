@@ -67,7 +67,7 @@ def test_a_log_replays_to_the_same_decisions(tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     run = faultloop.run(AG, log=log)
     again = tmp_path / "again.mcap"
-    result = replay(log, SETTINGS / "ab-mho.toml", mapping="relay=RA", log=again)
+    result = replay(log, SETTINGS / "ab-kalman.toml", mapping="relay=RA", log=again)
     trip = next(t for t in run.trips if t.relay == "RA")
     assert result.trips[0].sample_count == trip.sample_count
     assert result.trips[0].loop == trip.loop
@@ -81,7 +81,7 @@ def test_comtrade_of_a_run_replays_to_the_same_trip(tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     run = faultloop.run(AG, log=log)
     assert call(["export", str(log), "--comtrade", str(tmp_path / "run.cff"), "--relay", "RA"]) == 0
-    result = replay(tmp_path / "run.cff", SETTINGS / "ab-mho.toml")
+    result = replay(tmp_path / "run.cff", SETTINGS / "ab-kalman.toml")
     trip = next(t for t in run.trips if t.relay == "RA")
     assert result.trips[0].sample_count == trip.sample_count
     assert result.fault_location == pytest.approx(0.4, abs=0.01)
@@ -108,14 +108,14 @@ def test_wrong_mapping_of_a_log(tmp_path: Path, mapping: str | None, words: str)
     log = tmp_path / "run.mcap"
     faultloop.run(AG, log=log, overrides=["scenario.duration_s=0.15"])
     with pytest.raises(InputError, match=words):
-        replay(log, SETTINGS / "ab-mho.toml", mapping=mapping)
+        replay(log, SETTINGS / "ab-kalman.toml", mapping=mapping)
 
 
 def test_another_rate_is_refused(tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     faultloop.run(AG, log=log, overrides=["scenario.duration_s=0.15"])
     settings = tmp_path / "r.toml"
-    text = (SETTINGS / "ab-mho.toml").read_text(encoding="utf-8")
+    text = (SETTINGS / "ab-kalman.toml").read_text(encoding="utf-8")
     settings.write_text(text.replace("sampling_hz = 4800", "sampling_hz = 4000"), encoding="utf-8")
     with pytest.raises(InputError, match="was sampled at 4800"):
         replay(log, settings, mapping="relay=RA")
@@ -134,4 +134,4 @@ def test_wrong_records(tmp_path: Path, name: str, content: str | None, words: st
     if content is not None:
         (tmp_path / name).write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match=words):
-        replay(tmp_path / name, SETTINGS / "ab-mho.toml")
+        replay(tmp_path / name, SETTINGS / "ab-kalman.toml")
