@@ -63,6 +63,9 @@ class Relay:
         self._zones = layout.zones(settings)
         self._state = layout.initial_state()
         self._measure_constants, self._measure_state = _measuring(settings, self._constants[0])
+        # A structured array is copied field by field (17 us for a relay's), its bytes at once (1 us).
+        self._state_bytes = self._state.view(np.uint8)
+        self._measure_bytes = self._measure_state.view(np.uint8)
         self._estimator_state = self.estimator.state.copy()
         self._estimate = block_runner(self.estimator.step)
         self.bits = self._bits()
@@ -115,24 +118,24 @@ class Relay:
     def save(self) -> Any:
         """Everything that changes while it runs."""
         rest = (self.sample_count, self._last_words, self._trips, self._located, self._tripped, self.inputs)
-        return (self._state.copy(), self._save_ahead(), rest)
+        return (self._state_bytes.copy(), self._save_ahead(), rest)
 
     def restore(self, state: Any) -> None:
         """Go back to what `save` gave; the same samples then give the same bits."""
-        self._state[:] = state[0]
+        self._state_bytes[:] = state[0]
         self._restore_ahead(state[1])
         self.sample_count, self._last_words, self._trips, self._located, self._tripped, self.inputs = state[2]
 
-    def _save_ahead(self) -> tuple[Array, NDArray[np.void], list[Array]]:
+    def _save_ahead(self) -> tuple[Array, NDArray[np.uint8], list[Array]]:
         return (
             self._estimator_state.copy(),
-            self._measure_state.copy(),
+            self._measure_bytes.copy(),
             [element.state.copy() for element in self._elements],
         )
 
-    def _restore_ahead(self, state: tuple[Array, NDArray[np.void], list[Array]]) -> None:
+    def _restore_ahead(self, state: tuple[Array, NDArray[np.uint8], list[Array]]) -> None:
         self._estimator_state[:] = state[0]
-        self._measure_state[:] = state[1]
+        self._measure_bytes[:] = state[1]
         for element, array in zip(self._elements, state[2], strict=True):
             element.state[:] = array
 
