@@ -25,14 +25,12 @@ RUNS = 5
 
 
 def bench_scenario(seconds: float) -> Scenario:
-    """The scenario A-G in zone 1, longer, with the adaptive Kalman settings."""
+    """The scenario A-G in zone 1, longer; its relays have the adaptive Kalman filter."""
     return load_scenario(
         ROOT / "scenarios" / "ag-zone1.toml",
         [
             f"scenario.duration_s={seconds}",
             f"fault.F1.after_s={seconds - 0.4}",
-            "relay.RA.settings=settings/ab-kalman.toml",
-            "relay.RB.settings=settings/ab-kalman.toml",
         ],
     )
 
