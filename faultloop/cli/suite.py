@@ -1,0 +1,48 @@
+"""``faultloop suite``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    name: Annotated[str, typer.Argument(metavar="estimators|synchrophasor|seeds", help="Which suite.")],
+    parts: Annotated[
+        list[str] | None, typer.Argument(metavar="[PART]...", help="Only these parts of it.")
+    ] = None,
+    html: Annotated[Path | None, typer.Option(metavar="F.html", help="A page with plots.")] = None,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer cases and seeds.")] = False,
+) -> int:
+    """Run a study and hold its figures against their limits.  Exit status 3 where one is missed."""
+    from faultloop.cli.output import announce_compilation, console, print_json, progress_bar, table
+    from faultloop.study.report import cell, check_table, write_html
+    from faultloop.study.suites import run_suite
+
+    announce_compilation()
+    with progress_bar(f"suite {name}") as progress:
+        reports = run_suite(name, parts or (), quick=quick, progress=progress)
+    if html is not None:
+        write_html(reports, html)
+    if json:
+        print_json(
+            {"suite": name, "held": all(r.held for r in reports), "reports": [r.as_dict() for r in reports]}
+        )
+    else:
+        out = console()
+        for report in reports:
+            out.print(f"[bold]{report.title}[/bold]", highlight=False)
+            for line in report.text:
+                out.print(line, markup=False)
+            for shown in [*report.tables, *([check_table(report)] if report.checks else [])]:
+                out.print()
+                out.print(table(shown.title, shown.columns, [[cell(v) for v in row] for row in shown.rows]))
+                if shown.note:
+                    out.print(shown.note, markup=False, style="dim")
+            out.print()
+        if html is not None:
+            out.print(f"wrote {html}")
+    return 0 if all(report.held for report in reports) else 3

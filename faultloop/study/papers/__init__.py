@@ -1,0 +1,1 @@
+"""One module a seed paper: its cases, its published figures, and ours."""

@@ -1,0 +1,144 @@
+"""What a suite ends with: tables, checks against limits, figures; as text, one JSON object, or a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from faultloop.study.output_file import write_aside
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under a title; a column that starts with ``>`` is right-aligned.  Numbers keep four digits."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A figure against its limit: held if ``value <= limit`` (``at_least``: if ``value >= limit``)."""
+
+    what: str
+    value: float
+    limit: float
+    unit: str = ""
+    at_least: bool = False
+
+    @property
+    def margin(self) -> float:
+        """How far on the right side, in the value's unit; negative where missed."""
+        return self.value - self.limit if self.at_least else self.limit - self.value
+
+    @property
+    def held(self) -> bool:
+        """A NaN never holds."""
+        return self.margin >= 0
+
+
+@dataclass
+class Report:
+    """The result of one suite, or of one part of it.
+
+    ``figures`` are plotly figures with their titles; they are drawn on the page only.
+    """
+
+    name: str
+    title: str
+    text: list[str] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    checks: list[Check] = field(default_factory=list)
+    figures: list[tuple[str, Any]] = field(default_factory=list)
+
+    @property
+    def held(self) -> bool:
+        """No limit was missed."""
+        return all(check.held for check in self.checks)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return {
+            "name": self.name,
+            "title": self.title,
+            "held": self.held,
+            "text": self.text,
+            "tables": [
+                {
+                    "title": t.title,
+                    "columns": [c.removeprefix(">") for c in t.columns],
+                    "rows": [list(row) for row in t.rows],
+                    "note": t.note,
+                }
+                for t in self.tables
+            ],
+            "checks": [vars(c) | {"margin": c.margin, "held": c.held} for c in self.checks],
+        }
+
+
+def cell(value: object) -> str:
+    """A value as a table shows it."""
+    if isinstance(value, bool) or not isinstance(value, float):
+        return str(value)
+    return "-" if math.isnan(value) else f"{value:.4g}"
+
+
+def check_table(report: Report) -> Table:
+    """The checks as a table."""
+    rows = [
+        ("held" if c.held else "MISSED", c.what, cell(c.value), f"{'>=' if c.at_least else '<='} {cell(c.limit)}",
+         cell(c.margin), c.unit)
+        for c in report.checks
+    ]  # fmt: skip
+    return Table("Checks", ("", "what", ">value", ">limit", ">margin", "unit"), rows)
+
+
+def write_html(reports: Sequence[Report], path: Path) -> Path:
+    """All reports as one page that needs no network; plotly is in it once."""
+    parts = []
+    plotly: bool | str = True
+    for report in reports:
+        parts.append(f"<h1>{escape(report.title)}</h1>")
+        parts += [f"<p>{escape(line)}</p>" for line in report.text]
+        tables = [*report.tables, *([check_table(report)] if report.checks else [])]
+        parts += [_html_table(table) for table in tables]
+        for title, figure in report.figures:
+            parts.append(f"<h2>{escape(title)}</h2>")
+            parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly))
+            plotly = False
+    style = (
+        "body{font:15px sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}"
+        "table{border-collapse:collapse;margin:.5em 0 1.5em}"
+        "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd}"
+        "td.r,th.r{text-align:right}td.missed{color:#b00;font-weight:bold}"
+    )
+    page = (
+        f"<!doctype html><meta charset='utf-8'><title>faultloop</title><style>{style}</style>{''.join(parts)}"
+    )
+    with write_aside(path, ".html") as aside:
+        aside.write_text(page, encoding="utf-8")
+    return path
+
+
+def _html_table(table: Table) -> str:
+    right = [column.startswith(">") for column in table.columns]
+    head = "".join(
+        f"<th{' class=r' if r else ''}>{escape(c.removeprefix('>'))}</th>"
+        for c, r in zip(table.columns, right, strict=True)
+    )
+    body = ""
+    for row in table.rows:
+        cells = []
+        for value, r in zip(row, right, strict=True):
+            text = cell(value)
+            kind = " class=r" if r else " class=missed" if text == "MISSED" else ""
+            cells.append(f"<td{kind}>{escape(text)}</td>")
+        body += f"<tr>{''.join(cells)}</tr>"
+    note = f"<p>{escape(table.note)}</p>" if table.note else ""
+    return f"<h2>{escape(table.title)}</h2><table><tr>{head}</tr>{body}</table>{note}"
