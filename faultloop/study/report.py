@@ -118,11 +118,9 @@ def write_html(reports: Sequence[Report], path: Path) -> Path:
         "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd}"
         "td.r,th.r{text-align:right}td.missed{color:#b00;font-weight:bold}"
     )
-    page = (
-        f"<!doctype html><meta charset='utf-8'><title>faultloop</title><style>{style}</style>{''.join(parts)}"
-    )
+    head = f"<!doctype html><meta charset='utf-8'><title>faultloop</title><style>{style}</style>"
     with write_aside(path, ".html") as aside:
-        aside.write_text(page, encoding="utf-8")
+        aside.write_text(head + "".join(parts), encoding="utf-8")
     return path
 
 

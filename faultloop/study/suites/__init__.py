@@ -1,4 +1,4 @@
-"""The suites by name: each a module of this folder with ``run(parts, *, quick, progress) -> list[Report]``."""
+"""The suites by name: each a module of this folder with ``PARTS`` and ``run(parts, *, quick, progress)``."""
 
 from __future__ import annotations
 
