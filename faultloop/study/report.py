@@ -91,11 +91,10 @@ def cell(value: object) -> str:
 
 def check_table(report: Report) -> Table:
     """The checks as a table."""
-    rows = [
-        ("held" if c.held else "MISSED", c.what, cell(c.value), f"{'>=' if c.at_least else '<='} {cell(c.limit)}",
-         cell(c.margin), c.unit)
-        for c in report.checks
-    ]  # fmt: skip
+    rows = []
+    for c in report.checks:
+        limit = f"{'>=' if c.at_least else '<='} {cell(c.limit)}"
+        rows.append(("held" if c.held else "MISSED", c.what, cell(c.value), limit, cell(c.margin), c.unit))
     return Table("Checks", ("", "what", ">value", ">limit", ">margin", "unit"), rows)
 
 
