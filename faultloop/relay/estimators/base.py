@@ -2,7 +2,8 @@
 
 ``step(state, x, out)``: state float64[::1], x float64[6] (va vb vc ia ib ic), out float64[14] (re and im of
 the six phasors, RMS against cos(2 pi f0 t) with t = n / fs, then frequency_hz and rocof_hz_per_s, NaN
-where the method does not estimate them).  The phasor refers to the time of the newest sample.
+where the method does not estimate them).  The phasor refers to the time of the newest sample, or of the
+one `Estimator.delay_samples` before it.
 
 Everything that a step needs or changes is in ``state``: to copy the array is to take a checkpoint.
 """
@@ -48,12 +49,15 @@ class Estimator:
     state : (k,) float64, the initial state; run a copy of it.
     settling_samples : samples from the start after which a pure sinusoid at f0 is within 0.1 %: the window of
         a FIR estimator, which is then exact, or a cycle of a recursive one, which goes on converging.
+    delay_samples : the row refers to the time of the sample this many before the newest.  0 but for the
+        synchrophasor filters, whose time stamp is the window's centre; at f0 a phasor is the same at both.
     """
 
     name: str
     step: Callable[[Array, Array, Array], Any]
     state: Array
     settling_samples: int
+    delay_samples: int = 0
 
 
 @njit(signature_or_function=types.void(STEP_FUNCTION, _VECTOR, _MATRIX, _MATRIX))
