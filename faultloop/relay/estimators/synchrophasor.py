@@ -88,8 +88,8 @@ def centred_step(state, x, out):
 def triangle(sampling_hz: int, frequency_hz: float) -> Array:
     """The reference window of class P (annex D, eq. D.5), (2 ceil(fs / f0) - 1,).
 
-    W(k) = 1 - 2 |k| / (N + 2), N = 2 (fs / f0 - 1), is 1 - |k| f0 / fs: two cycles of f0, with double zeros at
-    every multiple of f0 (to 2e-5 where fs / f0 is not whole).
+    W(k) = 1 - 2 |k| / (N + 2), N = 2 (fs / f0 - 1), is 1 - |k| f0 / fs: two cycles of f0, with double zeros
+    at every multiple of f0 (to 2e-5 where fs / f0 is not whole).
     """
     half = math.ceil(sampling_hz / frequency_hz - 1e-9) - 1
     return 1.0 - np.abs(np.arange(-half, half + 1)) * frequency_hz / sampling_hz
