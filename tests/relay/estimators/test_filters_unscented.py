@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from filterpy.kalman import KalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
+from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from faultloop.errors import InputError
-from faultloop.relay.estimators.filters import kalman, unscented
+from faultloop.relay.estimators import FREQUENCY, ROCOF, ROW, harmonic_filters, make_estimator, run_estimator
+from faultloop.relay.estimators.filters import harmonic_model as model
+from faultloop.relay.estimators.filters import kalman, strong_tracking, unscented
 
 STATES = 5
 
@@ -112,3 +114,184 @@ def test_cholesky_of_a_singular_covariance():
 def test_a_spread_out_of_its_limits_is_refused(arguments, key):
     with pytest.raises(InputError, match=f"{key}: .* should be"):
         unscented.sigma_spread(*arguments)
+
+
+SIGMA = (9, 0.5, 2.0, 0.0)
+
+
+def harmonic(softening=1.8, share=1.0):
+    spread, excess = unscented.sigma_spread(*SIGMA)
+    f = model.harmonic_filter(4, np.array([1 / 6400, spread, excess, softening, 0.95, share]))
+    f.x[-1] = 100 * np.pi
+    f.P[:] = np.diag([1.0] * 8 + [10.0])
+    f.Q[:] = np.diag([1e-6] * 8 + [1e-4])
+    f.disturbance[:-1] = [0.3, 0.3] + [0.03] * 6
+    return f
+
+
+def noisy_harmonics(count):
+    angle = 2 * np.pi * 50.2 * np.arange(1, count + 1) / 6400
+    noise = 0.02 * np.random.default_rng(4).normal(size=count)
+    return np.sin(angle) + 0.2 * np.sin(3 * angle + 0.4) + noise
+
+
+def test_extended_harmonic_filter_equals_filterpy():
+    f = harmonic()
+    peer = ExtendedKalmanFilter(dim_x=9, dim_z=1)
+    peer.x, peer.P, peer.Q, peer.R = f.x.copy(), f.P.copy(), f.Q.copy(), np.array([[1e-3]])
+    peer.F = np.empty((9, 9))
+
+    def advance(u=0):
+        model.jacobian(peer.x, 1 / 6400, peer.F)
+        model.advance(peer.x, 1 / 6400)
+
+    peer.predict_x = advance
+    for z in noisy_harmonics(300):
+        model.step_extended(f, z, 1e-3)
+        peer.predict()
+        peer.update(z, lambda x: f.row[None, :], lambda x: f.row @ x)
+        np.testing.assert_allclose(f.x, peer.x, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(f.P, peer.P, rtol=1e-9, atol=1e-9)
+
+
+def test_unscented_harmonic_filter_equals_filterpy():
+    """filterpy transforms the measurement too; being linear, that changes nothing."""
+    f = harmonic()
+
+    def advanced(x, dt):
+        x = x.copy()
+        model.advance(x, dt)
+        return x
+
+    points = MerweScaledSigmaPoints(*SIGMA)
+    peer = UnscentedKalmanFilter(9, 1, 1 / 6400, lambda x: f.row[None, :] @ x, advanced, points)
+    peer.x, peer.P, peer.Q, peer.R = f.x.copy(), f.P.copy(), f.Q.copy(), np.array([[1e-3]])
+    for z in noisy_harmonics(300):
+        model.step_unscented(f, z, 1e-3)
+        peer.predict()
+        peer.update(z)
+        np.testing.assert_allclose(f.x, peer.x, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(f.P, peer.P, rtol=1e-9, atol=1e-9)
+
+
+def test_the_jacobian_is_the_derivative():
+    rng = np.random.default_rng(5)
+    x, F = rng.normal(size=9), np.empty((9, 9))
+    x[-1] = 314.0
+    model.jacobian(x, 1 / 6400, F)
+    for i in range(9):
+        step = 1e-3 if i == 8 else 1e-6
+        up, down = x.copy(), x.copy()
+        up[i] += step
+        down[i] -= step
+        model.advance(up, 1 / 6400)
+        model.advance(down, 1 / 6400)
+        np.testing.assert_allclose((up - down) / (2 * step), F[:, i], atol=1e-8)
+
+
+def step_three(f, z, R):
+    strong_tracking.step_strong_unscented(f, strong_tracking.seen(9), z, R)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+@pytest.mark.parametrize(
+    "step",
+    [strong_tracking.step_strong, strong_tracking.step_modified, strong_tracking.step_disturbed, step_three],
+    ids=["STF", "MSTUKF", "ours", "STUKF"],
+)
+def test_the_fading_makes_the_innovations_as_wide_as_they_show(step, share):
+    """Eq. 34: h P h' = V - beta R before the correction, wherever lambda > 1; after it, 1 / (1 / that + 1 / R).
+
+    Ours widens by a whole expected disturbance at least."""
+    f = harmonic(share=share)
+    R, widened = 1e-3, 0
+    samples = noisy_harmonics(600)
+    samples[400:] *= 1.5
+    for z in samples:
+        step(f, z, R)
+        if f.memory[model.FADING] > 1.0:
+            widened += 1
+            wanted = f.memory[model.RESIDUAL_VARIANCE] - 1.8 * R
+            after = kalman.predicted_variance(f.P, f.row)
+            expected = 1 / (1 / wanted + 1 / R)
+            if step is strong_tracking.step_disturbed:
+                assert after >= expected * (1 - 1e-6)
+            else:
+                assert after == pytest.approx(expected, rel=1e-6)
+        np.testing.assert_array_equal(f.P, f.P.T)
+    assert 5 < widened < 500
+
+
+def test_the_residual_variance_is_that_of_eq_12():
+    f = harmonic()
+    residuals = []
+    for z in noisy_harmonics(50):
+        strong_tracking.step_strong(f, z, 1e-3)
+        residuals.append(f.memory[model.INNOVATION])
+    V = residuals[0] ** 2
+    for e in residuals[1:]:
+        V = (0.95 * V + e * e) / 1.95
+    assert f.memory[model.RESIDUAL_VARIANCE] == pytest.approx(V, rel=1e-12)
+
+
+METHODS = ("ekf", "ukf", "stf", "stukf", "mstukf")
+
+
+def stay_positive_definite(method, count):
+    """Noise, steps, gaps, a dead channel and dead spells: every covariance factors without a zero pivot."""
+    rng = np.random.default_rng(6)
+    estimator = make_estimator(method, 1200, 50.0)
+    state, root = estimator.state.copy(), np.empty((9, 9))
+    block = 1000
+    for first in range(0, count, block):
+        angle = 2 * np.pi * 51 * np.arange(first, first + block) / 1200
+        samples = np.cos(angle[:, None] + np.arange(6)) * rng.choice([0.0, 0.1, 1.0, 30.0], size=6)
+        samples += rng.normal(scale=0.02, size=samples.shape)
+        samples[:, 5] = 0.0
+        samples[rng.integers(block, size=5)] = np.nan
+        run_estimator(estimator.step, state, samples, np.empty((block, ROW)))
+        for c in range(6):
+            P = harmonic_filters.filter_of(state, c).P
+            assert kalman.cholesky(P, root), (first, c)
+    assert np.isfinite(state).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_covariance_stays_positive_definite(method):
+    stay_positive_definite(method, 100_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_covariance_stays_positive_definite_for_long(method):
+    stay_positive_definite(method, 1_000_000)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_frequency_is_followed(method):
+    """51.5 Hz from a nominal 50: frequency within 10 mHz and no rate, and a phasor that turns with it."""
+    estimator = make_estimator(method, 4800, 50.0)
+    angle = 2 * np.pi * 51.5 * np.arange(9600) / 4800
+    samples = np.cos(angle[:, None] - np.arange(6) * np.pi / 3) * 1e4
+    rows = np.empty((len(samples), ROW))
+    run_estimator(estimator.step, estimator.state.copy(), samples, rows)
+    assert rows[-1000:, FREQUENCY] == pytest.approx(51.5, abs=0.01)
+    assert rows[-1000:, ROCOF] == pytest.approx(0.0, abs=0.02)
+    phasor = rows[:, 0] + 1j * rows[:, 1]
+    assert np.abs(phasor[-1000:]) == pytest.approx(1e4 / np.sqrt(2), rel=1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"measurement_variance": 0.0}, "measurement_variance: 0 should be above 0"),
+        ({"process_variance": -1e-8}, "process_variance: -1e-08 should be above 0"),
+        ({"frequency_process_variance": 0.0}, "frequency_process_variance: 0 should be above 0"),
+        ({"initial_variance": 0.0}, "initial_variance: 0 should be above 0"),
+        ({"harmonics": 7}, "sampling_hz: 24 samples per cycle .* sampling_hz of at least 1400"),
+    ],
+)
+def test_bad_settings_name_their_limit(method, settings, message):
+    with pytest.raises(InputError, match=message):
+        make_estimator(method, 1200, 50.0, **settings)

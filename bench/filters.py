@@ -1,0 +1,145 @@
+"""Cost of a step of each filter of the library, microseconds, beside filterpy's in the same run.
+
+    python bench/filters.py
+
+Linear: five states, two measurements.  The others: nine states, one measurement, on the model of seed
+paper 001; filterpy has no strong tracking, so STF stands beside its EKF, MSTUKF and STUKF beside its UKF.
+Each must be at least 20 times faster.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+from filterpy.kalman import (
+    ExtendedKalmanFilter,
+    KalmanFilter,
+    MerweScaledSigmaPoints,
+    UnscentedKalmanFilter,
+)
+
+from faultloop.jit import njit
+from faultloop.relay.estimators.filters import harmonic_model as model
+from faultloop.relay.estimators.filters.kalman import (
+    correct,
+    innovation_of,
+    predict_covariance,
+    predict_state,
+)
+from faultloop.study.papers.mstukf_cases import TRACKS, Setting, noisy, track
+
+LEAST_RATIO = 20.0
+COUNT = 20_000
+PEER_COUNT = 400
+STATES = 9
+STEP_S = 1 / 6400
+
+
+def best_us(call: Callable[[], object], count: int, repeats: int = 7) -> float:
+    """Least wall time of ``call()`` per step [us]."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return 1e6 * min(times) / count
+
+
+@njit
+def run_linear(x, P, matrices, samples, work):
+    F, Q, H = matrices
+    gain = np.empty(len(x))
+    for z in samples:
+        predict_state(x, F, gain)
+        predict_covariance(P, F, Q, work)
+        for i in range(len(z)):
+            correct(x, P, H[i], innovation_of(x, H[i], z[i]), 0.5, gain)
+
+
+def linear() -> tuple[float, float]:
+    rng = np.random.default_rng(1)
+    peer = KalmanFilter(dim_x=5, dim_z=2)
+    peer.F = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+    peer.H, peer.R = rng.normal(size=(2, 5)), 0.5 * np.eye(2)
+    samples = rng.normal(size=(COUNT, 2))
+
+    def filterpy() -> None:
+        for z in samples[:PEER_COUNT]:
+            peer.predict()
+            peer.update(z)
+
+    x, P, matrices = np.zeros(5), np.eye(5), (peer.F, np.eye(5), peer.H)
+    work = np.empty((5, 5))
+    run_linear(x, P, matrices, samples[:2], work)
+    return best_us(lambda: run_linear(x, P, matrices, samples, work), COUNT), best_us(filterpy, PEER_COUNT, 3)
+
+
+def prior(peer: ExtendedKalmanFilter | UnscentedKalmanFilter) -> None:
+    peer.P, peer.Q, peer.R = np.eye(STATES), 1e-8 * np.eye(STATES), np.array([[1e-3]])
+
+
+def extended_peer(samples: np.ndarray) -> float:
+    row = model.measurement_row(STATES)[None, :]
+    peer = ExtendedKalmanFilter(dim_x=STATES, dim_z=1)
+    prior(peer)
+    peer.x = np.zeros(STATES)
+    peer.x[-1] = 100 * np.pi
+    peer.F = np.zeros((STATES, STATES))
+
+    def predicted(u: float = 0) -> None:  # compiled, so that what is timed is filterpy
+        model.jacobian(peer.x, STEP_S, peer.F)
+        model.advance(peer.x, STEP_S)
+
+    peer.predict_x = predicted
+
+    def filterpy() -> None:
+        for z in samples[:PEER_COUNT]:
+            peer.predict()
+            peer.update(z, lambda x: row, lambda x: row @ x)
+
+    return best_us(filterpy, PEER_COUNT, 3)
+
+
+def unscented_peer(samples: np.ndarray) -> float:
+    row = model.measurement_row(STATES)[None, :]
+
+    def advanced(x: np.ndarray, dt: float) -> np.ndarray:
+        x = x.copy()
+        model.advance(x, dt)
+        return x
+
+    points = MerweScaledSigmaPoints(STATES, 0.5, 2.0, 0.0)
+    peer = UnscentedKalmanFilter(STATES, 1, STEP_S, lambda x: row @ x, advanced, points)
+    prior(peer)
+    peer.x[-1] = 100 * np.pi
+
+    def filterpy() -> None:
+        for z in samples[:PEER_COUNT]:
+            peer.predict()
+            peer.update(z)
+
+    return best_us(filterpy, PEER_COUNT, 3)
+
+
+def main() -> None:
+    samples = np.resize(noisy("sag", 0), COUNT)
+    extended, unscented = extended_peer(samples), unscented_peer(samples)
+    rows = [("linear", *linear())]
+    for name in TRACKS:
+        setting = Setting(name, 1.8)
+        track(setting, samples[:10])  # compile
+        us = best_us(lambda s=setting: track(s, samples), COUNT)
+        rows.append((name, us, extended if name in ("EKF", "STF") else unscented))
+    print(f"{'filter':14} us/step  filterpy us   ratio")
+    for name, us, peer in rows:
+        print(f"{name:14} {us:7.3f}  {peer:11.1f}  {peer / us:6.0f}")
+    slow = [name for name, us, peer in rows if peer / us < LEAST_RATIO]
+    if slow:
+        sys.exit(f"less than {LEAST_RATIO:g} times faster: {', '.join(slow)}")
+
+
+if __name__ == "__main__":
+    main()

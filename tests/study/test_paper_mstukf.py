@@ -1,0 +1,91 @@
+"""Seed paper 001: its waveforms, what is measured on them, and a small run of the cases."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from faultloop.study.papers import mstukf
+from faultloop.study.papers import mstukf_cases as cases
+from faultloop.study.report import check_table
+from faultloop.study.suites import run_suite
+
+
+def test_waveforms_are_the_papers():
+    """Eq. 45 to 47, and the peak that section 4.2 computes."""
+    sag, impulse, harmonics = (cases.waveform(case) for case in cases.LENGTH)
+    assert impulse.max() == pytest.approx(cases.IMPULSE_PEAK, abs=1e-4)
+    assert impulse.argmax() + 1 == 771
+    cycle = slice(1200 - 1, 1328 - 1)  # one cycle within the sag, and within the harmonics
+    spectrum = np.fft.rfft(harmonics[cycle]) / 64
+    np.testing.assert_allclose(np.abs(spectrum[[1, 3, 5, 7]]), [1, 0.4, 0.3, 0.2], atol=1e-9)
+    inside = np.fft.rfft(sag[cycle])[1] / np.fft.rfft(np.sin(2 * np.pi * np.arange(1200, 1328) / 128))[1]
+    assert abs(inside) == pytest.approx(0.5)
+    assert np.degrees(np.angle(inside)) == pytest.approx(-30.0)
+    for wave, (start, end) in ((sag, cases.SAG), (impulse, cases.IMPULSE), (harmonics, cases.HARMONIC)):
+        undisturbed = np.cos if wave is impulse else np.sin
+        changed = np.flatnonzero(
+            np.abs(wave - undisturbed(2 * np.pi * np.arange(1, len(wave) + 1) / 128)) > 1e-9
+        )
+        assert (changed[0] + 1, changed[-1] + 1) == (start + 1, end)
+
+
+def test_the_noise_is_30_db_below_the_fundamental():
+    noise = np.array([cases.noisy("sag", seed) - cases.waveform("sag") for seed in range(20)])
+    assert 10 * np.log10(0.5 / noise.var()) == pytest.approx(30.0, abs=0.1)
+    assert np.abs(np.corrcoef(noise) - np.eye(20)).max() < 0.1
+
+
+def test_sag_figures_of_a_known_track():
+    """A magnitude that crosses 0.9 after 16 samples and stays from sample 44 on; a phase 0.5 degrees off."""
+    k = np.arange(1, cases.LENGTH["sag"] + 1)
+    found = np.ones((len(k), 7))
+    found[700:744, 0] = np.where(np.arange(44) < 16, 1.0, 0.6)
+    found[744:1400, 0] = 0.51
+    found[1400:1430, 0] = 0.7
+    angle = 2 * np.pi * 50 * k / 6400 - np.where((k > 700) & (k <= 1400), np.pi / 6, 0.0)
+    found[:, cases.PHASE] = angle + np.radians(0.5)
+    found[[400, 401, 500, 700], cases.FADING] = 2.0
+    t1, t2, back1, back2, magnitude, phase, false, start, end = cases.measure_sag(found)
+    assert (t1, t2, back1, back2) == pytest.approx((16 / 6.4, 44 / 6.4, 30 / 6.4, 30 / 6.4))
+    assert magnitude == pytest.approx(0.01 * 500 / 1500)
+    assert phase == pytest.approx(0.5)
+    assert (false, start, end) == (2 * 16.0, 1.0, 0.0)  # two alarms in 400 samples
+
+
+def test_never_is_infinite():
+    assert cases.stay_ms(np.array([True, False])) == np.inf
+    assert cases.first_ms(np.zeros(3, bool)) == np.inf
+    assert cases.stay_ms(np.ones(3, bool)) == 0.0
+
+
+def test_modified_and_three_transform_filters_agree():
+    """MSTUKF differs from STUKF in the share of Q only: 1e-8 of variances of 1e-5."""
+    samples = cases.noisy("harmonics", 3)
+    one, three = (cases.track(cases.Setting(name, 8.0), samples) for name in ("MSTUKF", "STUKF"))
+    assert np.abs(one[1100:1400, :4] - three[1100:1400, :4]).max() < 5e-3
+
+
+@pytest.fixture(scope="module")
+def report():
+    return run_suite("seeds", ["mstukf"], quick=True)[0]
+
+
+def test_ours_is_at_least_as_good_as_published(report):
+    missed = [check.what for check in report.checks if not check.held and not check.what.startswith("Cost")]
+    assert not missed, check_table(report)
+
+
+def test_every_published_figure_stands_beside_ours(report):
+    for table, published in (
+        ("Sag to", mstukf.SAG_PAPER),
+        ("Impulse", mstukf.IMPULSE_PAPER),
+        ("Harmonics of", mstukf.HARMONIC_PAPER),
+    ):
+        rows = next(t.rows for t in report.tables if t.title.startswith(table))
+        for row, figures in zip(rows, published, strict=False):
+            assert [float(str(cell)) for cell in row[1 : 1 + len(figures)]] == pytest.approx(
+                figures, rel=1e-3
+            )
+        assert len(rows) > 6
+    assert [title.split(":")[0] for title, _ in report.figures] == [f"Figure {n}" for n in range(1, 6)]
