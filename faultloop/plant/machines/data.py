@@ -89,15 +89,15 @@ def read_system(folder: Path, frequency_hz: float = 60.0) -> System:
     assert parameters.shape[1] == len(machine.PARAMETERS)
     return System(
         buses=numbers,
-        voltage=buses["vm_pu"] * np.exp(1j * np.deg2rad(buses["va_deg"])),
-        load=(buses["load_mw"] + 1j * buses["load_mvar"]) / BASE_MVA,
-        shunt=1j * buses["shunt_mvar"] / BASE_MVA,
+        voltage=_complex(buses["vm_pu"] * np.exp(1j * np.deg2rad(buses["va_deg"]))),
+        load=_complex(buses["load_mw"] + 1j * buses["load_mvar"]) / BASE_MVA,
+        shunt=_complex(1j * buses["shunt_mvar"]) / BASE_MVA,
         branches=np.column_stack(ends),
-        impedance=branches["r_pu"] + 1j * branches["x_pu"],
+        impedance=_complex(branches["r_pu"] + 1j * branches["x_pu"]),
         charging=branches["b_pu"],
         tap=branches["tap_ratio"],
         machine_bus=_places(machines["bus"], numbers, folder / "generators.csv", "bus"),
-        dispatch=(machines["p_mw"] + 1j * machines["q_mvar"]) / BASE_MVA,
+        dispatch=_complex(machines["p_mw"] + 1j * machines["q_mvar"]) / BASE_MVA,
         parameters=parameters,
         frequency_hz=frequency_hz,
     )
@@ -115,6 +115,10 @@ def _read(path: Path, columns: tuple[str, ...]) -> dict[str, Array]:
         if not np.all(table[key] > 0):
             raise InputError("should be positive for every machine", file=path, key=key)
     return table
+
+
+def _complex(values: object) -> NDArray[np.complex128]:
+    return np.asarray(values, dtype=np.complex128)
 
 
 def _number(text: str | None, path: Path, column: str, line: int) -> float:
@@ -137,8 +141,11 @@ def _places(numbers: Array, buses: tuple[int, ...], path: Path, key: str) -> NDA
 
 
 def with_damping(system: System, per_s: float) -> System:
-    """The same with a damping torque that lets every machine's speed decay by itself at ``per_s`` [1/s], D w0 / 2H
-    of its inertia H and its coefficient D."""
+    """The same with a damping torque that lets each machine's speed decay at ``per_s`` [1/s].
+
+    That is D / 2H of the inertia constant H [s] and the damping coefficient D [pu torque per pu speed].
+    Raises InputError for a negative one.
+    """
     if not per_s >= 0:
         raise InputError(f"{per_s:g} should not be negative", key="per_s")
     parameters = system.parameters.copy()

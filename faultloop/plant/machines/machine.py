@@ -1,9 +1,9 @@
-"""The fourth-order (two-axis) synchronous machine (Zhao et al., seed paper 003, eq. 2-9; Sauer, Pai 1998, ch. 6).
+"""The fourth-order (two-axis) synchronous machine (seed paper 003, eq. 2-9; Sauer, Pai 1998, ch. 6).
 
-State of one machine, ``x = (delta, omega, eq, ed)``: rotor angle against a frame that turns at the nominal speed
-[rad], deviation from the nominal speed [rad/s, electrical], transient electromotive forces [pu].
-Input ``u = (Tm, Ufd, iR, iI)``: mechanical torque, field voltage, stator current in the network's frame, out of
-the machine [pu].  Parameters: a row of ``PARAMETERS``.
+State of one machine, ``x = (delta, omega, eq, ed)``: rotor angle against a frame that turns at the nominal
+speed [rad], deviation from the nominal speed [rad/s, electrical], transient electromotive forces [pu].
+Input ``u = (Tm, Ufd, iR, iI)``: mechanical torque, field voltage, stator current out of the machine in the
+network's frame [pu].  Parameters: a row of ``PARAMETERS``.
 
     delta' = omega                                                                  (2)
     omega' = w0 / 2H (Tm - Te - D omega / w0),  Te = vd id + vq iq                  (3)
@@ -67,20 +67,20 @@ def derivative(x, u, p, dx):
 def transition(x, u, p, out):
     """The discrete model, eq. 1: one step of the modified Euler method over ``p[STEP]``.
 
-    ``u`` (8,): the inputs at the step's start, then those at its end.
+    ``u`` (12,): the inputs just after the step's start, just before its end, and just after its end.
     """
-    trial, slope, other = out, np.empty(4), np.empty(4)
+    slope, other = np.empty(4), np.empty(4)
     derivative(x, u[:4], p, slope)
     for i in range(4):
-        trial[i] = x[i] + p[STEP] * slope[i]
-    derivative(trial, u[4:], p, other)
+        out[i] = x[i] + p[STEP] * slope[i]
+    derivative(out, u[4:8], p, other)
     for i in range(4):
         out[i] = x[i] + 0.5 * p[STEP] * (slope[i] + other[i])
 
 
 @njit
 def measurement(x, u, p, out):
-    """delta, omega, eR, eI of a state at the end of a step; ``u`` as for ``transition``."""
+    """delta, omega, eR, eI of a state just after the end of a step; ``u`` as for ``transition``."""
     out[0] = x[DELTA]
     out[1] = x[OMEGA]
-    out[2], out[3] = terminal_voltage(x, u[4 + IR], u[4 + II], p)
+    out[2], out[3] = terminal_voltage(x, u[8 + IR], u[8 + II], p)

@@ -1,8 +1,8 @@
 """The network as its machines see it: Kron-reduced to their terminals, before, during and after a fault.
 
 Loads are constant admittances at the load flow's voltage, as usual for a first-swing study.  The reduction
-keeps the terminals and not the nodes behind the transient reactances: with x'd and x'q unequal there are no such
-nodes, the machine's own impedance turns with its rotor (swing.py).
+keeps the terminals and not the nodes behind the transient reactances: with x'd and x'q unequal there are no
+such nodes, the machine's own impedance turns with its rotor (swing.py).
 """
 
 from __future__ import annotations
@@ -48,10 +48,8 @@ def admittance(system: System) -> Complex:
 
 def reduced(y: Complex, keep: NDArray[np.intp], grounded: int | None = None) -> Complex:
     """Kron reduction to the buses ``keep`` (m,), with one bus at zero volts if any: (m, m) admittance."""
-    inner = [b for b in range(len(y)) if b not in keep and b != grounded]
-    return y[np.ix_(keep, keep)] - y[np.ix_(keep, inner)] @ np.linalg.solve(
-        y[np.ix_(inner, inner)], y[np.ix_(inner, keep)]
-    )
+    inner = np.array([b for b in range(len(y)) if b not in keep and b != grounded])
+    return y[keep][:, keep] - y[keep][:, inner] @ np.linalg.solve(y[inner][:, inner], y[inner][:, keep])
 
 
 def without_line(system: System, line: tuple[int, int]) -> System:
@@ -67,7 +65,7 @@ def without_line(system: System, line: tuple[int, int]) -> System:
 
 
 def faulted(system: System, fault: LineFault) -> Complex:
-    """(m, m) reduced admittance with the fault on: the line in two sections, the node between them grounded."""
+    """(m, m) reduced admittance with the fault on: the line in two sections, grounded between them."""
     y = admittance(without_line(system, fault.line))
     k = _branch(system, fault.line)
     near, far = (system.buses.index(bus) for bus in fault.line)
@@ -93,7 +91,8 @@ def reduced_impedances(system: System, fault: LineFault) -> Complex:
         raise InputError("the fault should not be at a machine's own terminals", key="at_pu")
     before = reduced(admittance(system), system.machine_bus)
     after = reduced(admittance(without_line(system, fault.line)), system.machine_bus)
-    return np.linalg.inv(np.stack([before, faulted(system, fault), after]))
+    stages = np.stack([before, faulted(system, fault), after])
+    return np.asarray(np.linalg.inv(stages), dtype=np.complex128)
 
 
 def _branch(system: System, line: tuple[int, int]) -> int:

@@ -1,8 +1,8 @@
-"""All machines swinging against each other: initialised from a load flow, integrated by the modified Euler method.
+"""All machines swinging against each other, from a load flow on, by the modified Euler method.
 
-Each machine's stator gives ``V = T' e + T' X T i`` in the network's frame (T turns into its rotor's axes), the
-reduced network gives ``V = Z i``; together one real linear system of two rows a machine, solved at every
-evaluation, for the currents.  It holds for x'd and x'q unequal, without iterations.
+Each machine's stator gives ``V = T' e + T' X T i`` in the network's frame (T turns into its rotor's axes),
+the reduced network gives ``V = Z i``; together one real linear system of two rows a machine, solved for the
+currents at every evaluation.  It holds for x'd and x'q unequal, without iterations.
 
 The field voltage is that of a static exciter with one lag, limited at its entry:
 
@@ -60,7 +60,7 @@ class Exciter:
 
 @dataclass(frozen=True)
 class SteadyState:
-    """At rest: (m, 4) ``machine.STATES``, (m, 4) inputs Tm, Ufd, iR, iI, (m,) terminal voltage [pu, rad, rad/s]."""
+    """At rest: (m, 4) ``machine.STATES``, (m, 4) inputs Tm, Ufd, iR, iI, (m,) terminal voltage [pu]."""
 
     states: Array
     inputs: Array
@@ -86,8 +86,10 @@ class Swing:
 
 
 class Machines(NamedTuple):
-    """What a run does not change: (m, 9) ``machine.PARAMETERS``; (m, 5) gain, lag, ceiling, V0, Ufd0; (3, 2m, 2m)
-    networks."""
+    """What a run does not change.
+
+    (m, 9) ``machine.PARAMETERS``; (m, 5) gain, lag, ceiling, V0, Ufd0; (3, 2m, 2m) networks.
+    """
 
     constants: Array
     exciters: Array
@@ -95,7 +97,7 @@ class Machines(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """What the kernels write: inputs, two derivatives and a trial state of every machine, the linear system."""
+    """What the kernels write: inputs, two derivatives and a trial state, the system of the currents."""
 
     u: Array
     first: Array
@@ -127,12 +129,13 @@ def steady_state(system: System) -> SteadyState:
 def workspace(inputs: Array) -> Workspace:
     """For m machines with ``inputs`` (m, 4)."""
     m = len(inputs)
-    return Workspace(inputs.copy(), *np.zeros((3, m, 5)), np.zeros((2 * m, 2 * m)), np.zeros(2 * m))
+    first, second, trial = np.zeros((3, m, 5))
+    return Workspace(inputs.copy(), first, second, trial, np.zeros((2 * m, 2 * m)), np.zeros(2 * m))
 
 
 @njit
 def solve_inputs(x, p, z, work):
-    """The inputs of all machines with the states ``x`` (m, 5) on the network ``z`` (2m, 2m), into ``work.u``."""
+    """Inputs of all machines with the states ``x`` (m, 5) on the network ``z`` (2m, 2m), into ``work.u``."""
     a, b = work.a, work.b
     a[:] = z
     for k in range(len(x)):
@@ -183,7 +186,10 @@ def advance(x, machines, stage, work):
 
 @njit
 def run(x, machines, stages, work, out):
-    """Step through the networks of ``stages`` (n,); ``out``: states, inputs after and before each step's start."""
+    """Step through the networks of ``stages`` (n,).
+
+    ``out``: states at each step's start, inputs just after and just before it.
+    """
     states, after, before = out
     for n in range(len(stages)):
         solve_inputs(x, machines.constants, machines.networks[stages[max(n - 1, 0)]], work)
@@ -211,7 +217,8 @@ def prepare(
     fastest = min(float(system.parameters[:, [TD0, TQ0]].min()), exciter.lag_s)
     if not 0 < step_s <= fastest / 4:
         raise InputError(
-            f"{step_s:g} s should be positive and at most {fastest / 4:g} s, a quarter of the shortest time constant",
+            f"{step_s:g} s should be positive and at most {fastest / 4:g} s, a quarter of the shortest time"
+            " constant",
             key="step_s",
         )
     rest = steady_state(system)
@@ -237,7 +244,7 @@ def simulate(
     fault: LineFault,
     duration_s: float,
     *,
-    exciter: Exciter = Exciter(),  # noqa: B008, it is frozen
+    exciter: Exciter = Exciter(),
     step_s: float = 1e-3,
     every: int = 1,
 ) -> Swing:
@@ -261,4 +268,5 @@ def simulate(
     out = tuple(np.empty((len(steps), len(x), width)) for width in (5, 4, 4))
     run(x, machines, stages, work, out)
     states, after, before = (a[::every, :, :4].copy() for a in out)
-    return Swing(steps[::every] * step_s, states, after, before)
+    t = np.asarray(steps[::every] * step_s, dtype=np.float64)
+    return Swing(t, states, after, before)

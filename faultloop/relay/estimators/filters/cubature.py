@@ -1,40 +1,45 @@
 """Cubature Kalman filter (Arasaratnam, Haykin 2009) and its two correntropy relatives (seed paper 003).
 
-The cubature filter is the unscented one with alpha = 1, beta = kappa = 0, whose centre has no weight: 2 n points
+The cubature filter is the unscented one with alpha = 1, beta = kappa = 0, whose centre has no weight. 2 n
+points, each of weight 1 / 2n:
 
-    x +- sqrt(n) column of the root of P, each of weight 1 / 2n                                 (16-18)
+    x +- sqrt(n) a column of the root of P                                  (16-18)
 
 A filter is one ``Cubature``, a prediction and a correction:
 
-    predict(f, transition, u, p)     (19-21)   points drawn, moved, their moments and Q
-    redraw(f)                        (22-23)   the paper draws again; filterpy goes on with the moved points
-    observe(f, measure, u, p, z)     (24-26)
+    predict(f, transition, u, p)     points drawn, moved, their moments     (19-21)
+    redraw(f)                        drawn again, as in the paper           (22-23)
+    observe(f, measure, u, p, z)     the innovation and its covariances     (24-26)
     correct_ckf(f) | correct_mcc(f) | correct_ckmc(f)
 
-**MCC-CKF** (Chen, Liu, Zhao, Principe 2017) and **CKMC-CKF** differ in the correction.  The measurement is linearised
-statistically, z = zhat + H (x - xhat) with H = Pxz' P^-1 (28), and prediction and measurement are one regression
-whose rows are made white with the Cholesky factors Bp of P and Br of R (29-31).  Instead of the sum of the squared
-errors, the sum of a kernel of each error is maximised (32); setting its derivative to zero (35) weights each error
-by -kernel'(e) / e, up to a constant:
+**MCC-CKF** (Chen, Liu, Zhao, Principe 2017) and **CKMC-CKF** differ in the correction.  The measurement is
+linearised statistically, z = zhat + H (x - xhat) with H = Pxz' P^-1 (28); prediction and measurement are one
+regression, whose rows the Cholesky factors Bp of P and Br of R make white (29-31).  Instead of the sum of the
+squared errors, that of a kernel of each error is maximised (32).  Its derivative at zero (35) weights every
+error by -kernel'(e) / e, up to a constant:
 
-    gaussian  exp(-e^2 / 2 s^2)        weight exp(-e^2 / 2 s^2)
-    cauchy    1 / (1 + e^2 / s)  (12)  weight 1 / (1 + e^2 / s)^2
+    gaussian  exp(-e^2 / 2 s^2)             weight exp(-e^2 / 2 s^2)
+    cauchy    1 / (1 + e^2 / s)     (12)    weight 1 / (1 + e^2 / s)^2
 
-and the estimate is a fixed point (36-41).  The equations (12) to (42) are missing from the paper's text; these are
-derived, and differ from the usual form in this:
+and the estimate is a fixed point (36-41).  A Cauchy kernel of bandwidth s begins as a Gaussian one of
+sqrt(s) / 2, and falls off slower.  Equations 12 to 42 are missing from the paper's text; these are derived,
+and differ from the usual form in this:
 
 - The iteration is for the white deviation w = Bp^-1 (x - xhat), with G = Br^-1 H Bp, y = Br^-1 (z - zhat):
 
       (Cx + G' Cz G) w = G' Cz y
 
-  the same solution as K = P~ H' (H P~ H' + R~)^-1 with P~ = Bp Cx^-1 Bp' and R~ = Br Cz^-1 Br', without the inverse
-  weights.  Those are what a Gaussian kernel makes infinite (the singular Cholesky factors that the paper ascribes
-  to it): here an error of 50 s is just not used.
-- It has settled when no component of w moves by more than ``SETTLED`` standard deviations, not relative to x,
-  which depends on the choice of the angle's zero.
-- Br is of R and the linearisation's own error, Pzz - H P H'.  With all weights one the correction then is that of the
-  cubature filter exactly, so that the bandwidth goes to infinity in it.
-- The covariance (42) is that of the estimate for the given weights, (I - K H) P (I - K H)' + K R K'.
+  the same solution as by K = P~ H' (H P~ H' + R~)^-1 with P~ = Bp Cx^-1 Bp' and R~ = Br Cz^-1 Br', without
+  the inverse weights.  Those are what a Gaussian kernel makes infinite (the paper's "singular values in the
+  Cholesky factors"); here such an error just counts for nothing.
+- It has settled when no component of w moves by more than ``SETTLED`` standard deviations; the usual measure,
+  relative to the norm of x, depends on where the angle's zero is.
+- Br is of R and the linearisation's own error, Pzz - H P H'.  So the correction is exactly that of the
+  cubature filter when all weights are one, which is when the bandwidth goes to infinity.
+- The covariance (42) is that of the estimate for the last weights, (I - K H) P (I - K H)' + K R K'.
+
+What neither can do: both kernels' weights fall faster than the error grows, so an innovation that is large
+because the *prediction* is wrong is taken for a bad measurement too; the filter stays with its prediction.
 """
 
 from __future__ import annotations
@@ -60,8 +65,9 @@ SETTLED = 1e-6
 class Cubature(NamedTuple):
     """A filter: what a user sets and reads, then what the steps write.
 
-    ``x`` (n,), ``P`` (n, n): estimate and covariance.  ``Q`` (n, n), ``R`` (m, m): noise.  ``bandwidth`` (1,): of the
-    kernel, in standard deviations (Gaussian) or their square (Cauchy); the cubature filter has none.
+    ``x`` (n,), ``P`` (n, n): estimate and covariance.  ``Q`` (n, n), ``R`` (m, m): noise.  ``bandwidth``
+    (1,): of the kernel, in standard deviations (Gaussian) or their squares (Cauchy); the cubature filter has
+    none.
     """
 
     x: Array
@@ -83,8 +89,8 @@ class Cubature(NamedTuple):
 def cubature_filter(x: Array, P: Array, Q: Array, R: Array, bandwidth: float = math.inf) -> Cubature:
     """A filter of n states and m measurements from (n,), (n, n), (n, n), (m, m).
 
-    Raises InputError for a noise or covariance that is not symmetric with a positive variance (Q: not negative), and
-    for a bandwidth that is not positive.
+    Raises InputError for a noise or covariance that is not symmetric with positive variances (Q: none
+    negative), and for a bandwidth that is not positive.
     """
     n, m = len(x), len(R)
     for name, a, size, least in (("P", P, n, math.ulp(0.0)), ("Q", Q, n, 0.0), ("R", R, m, math.ulp(0.0))):
@@ -99,11 +105,11 @@ def cubature_filter(x: Array, P: Array, Q: Array, R: Array, bandwidth: float = m
     return Cubature(*arrays, *(np.zeros(shape) for shape in shapes))
 
 
-# A model's function (state, inputs, parameters, out) and a correction are passed as values of these types, so that
-# `track` compiles once for every model and filter.
+# A model's function (state, inputs, parameters, out) and a correction are passed as values of these types, so
+# that `track` compiles once for every model and filter.
 _VECTOR = types.float64[::1]
 MODEL = types.void(_VECTOR, _VECTOR, _VECTOR, _VECTOR)
-CUBATURE = typeof(cubature_filter(np.zeros(1), *np.ones((3, 1, 1))))
+CUBATURE = typeof(cubature_filter(np.zeros(1), np.eye(1), np.eye(1), np.eye(1)))
 CORRECTION = types.void(CUBATURE)
 
 
@@ -149,7 +155,7 @@ def predict(f, transition, u, p):
 
 @njit
 def observe(f, measure, u, p, z):
-    """Innovation, its covariance and that with the state, by the present points; ``measure(x, u, p, out)``."""
+    """Innovation, its covariance and that with the state, of the points; ``measure(x, u, p, out)``."""
     count, n = f.points.shape
     for k in range(count):
         measure(f.points[k], u, p, f.images[k])
@@ -194,9 +200,10 @@ def solve_lower(L, B, count):
 
 @njit
 def whiten(f):
-    """The regression's white rows: ``gain`` <- G', ``innovation`` <- y (29-31), ``root`` <- Bp, ``total`` <- Br.
+    """The white rows (29-31): ``gain`` <- G', ``innovation`` <- y; ``root`` <- Bp, ``total`` <- Br.
 
-    ``white`` <- 0: the fixed point is sought from the prediction on."""
+    ``white`` <- 0: the fixed point is sought from the prediction on.
+    """
     n, m = f.cross.shape
     cholesky(f.P, f.root)
     f.gain[:] = f.cross
@@ -219,7 +226,7 @@ def whiten(f):
 
 @njit
 def normal_factor(f, factor):
-    """Cholesky factor of Cx + G' Cz G; of weights that are all zero, a tiny identity's: the estimate stays."""
+    """Cholesky factor of Cx + G' Cz G; where all weights are zero the prediction stays."""
     n, m = f.gain.shape
     for i in range(n):
         for j in range(i + 1):
@@ -341,14 +348,15 @@ def correct_ckmc(f):
 
 
 class Series(NamedTuple):
-    """What is tracked: (t, k) inputs, (t, m) measurements, and the model's parameters."""
+    """What is tracked: (t, k) inputs, (t, m) measurements and their variances, the model's parameters."""
 
     inputs: Array
     measurements: Array
+    variances: Array
     parameters: Array
 
 
-SERIES = typeof(Series(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1)))
+SERIES = typeof(Series(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1)))
 
 
 @njit(
@@ -362,12 +370,17 @@ SERIES = typeof(Series(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros(1)))
     )
 )
 def track(transition, measure, correct, f, series, states):
-    """Filter a series with ``correct``, the estimates into ``states`` (t, n); row 0 is the initial one."""
+    """Filter a series with ``correct``, the estimates into ``states`` (t, n); row 0 is the initial one.
+
+    The diagonal of ``f.R`` is that of each sample.
+    """
     states[0] = f.x
     for k in range(1, len(series.inputs)):
         u = series.inputs[k]
         predict(f, transition, u, series.parameters)
         redraw(f)
+        for j in range(len(f.R)):
+            f.R[j, j] = series.variances[k, j]
         observe(f, measure, u, series.parameters, series.measurements[k])
         correct(f)
         states[k] = f.x
