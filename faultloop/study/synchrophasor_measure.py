@@ -31,9 +31,9 @@ class Subject:
 
     @property
     def settle_s(self) -> float:
-        """From the start until the rows count [s]: eight times what a sinusoid takes to 0.1 %."""
+        """From the start until the rows count [s]: four times what a sinusoid takes to 0.1 %."""
         filters = self.estimator.settling_samples / SAMPLING_HZ
-        return filters + 0.02 if self.estimator.delay_samples else 8.0 * filters + 0.05
+        return filters + 0.02 if self.estimator.delay_samples else 4.0 * filters + 0.05
 
     @property
     def delay_s(self) -> float:

@@ -192,8 +192,8 @@ def modulation(subject: Subject, kind: PerformanceClass, quick: bool) -> list[Ou
 
     upto = f"to {kind.modulation_hz:g} Hz"
     return [
-        *judge(f"magnitude modulation 10 % {upto}", found(0.1, 0.0), kind.modulation),
-        *judge(f"angle modulation 0.1 rad {upto}", found(0.0, 0.1), kind.modulation),
+        *judge(f"magnitude modulation {upto}", found(0.1, 0.0), kind.modulation),
+        *judge(f"angle modulation {upto}", found(0.0, 0.1), kind.modulation),
     ]
 
 
