@@ -38,14 +38,15 @@ STATES = 9
 STEP_S = 1 / 6400
 
 
-def best_us(call: Callable[[], object], count: int, repeats: int = 7) -> float:
-    """Least wall time of ``call()`` per step [us]."""
-    times = []
+def least_us(own: Callable[[], object], peer: Callable[[], object], repeats: int = 7) -> tuple[float, float]:
+    """Least wall times of a step [us], run in turn so that both see the same machine."""
+    times: tuple[list[float], list[float]] = ([], [])
     for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return 1e6 * min(times) / count
+        for call, taken in zip((own, peer), times, strict=True):
+            start = time.perf_counter()
+            call()
+            taken.append(time.perf_counter() - start)
+    return 1e6 * min(times[0]) / COUNT, 1e6 * min(times[1]) / PEER_COUNT
 
 
 @njit
@@ -74,14 +75,14 @@ def linear() -> tuple[float, float]:
     x, P, matrices = np.zeros(5), np.eye(5), (peer.F, np.eye(5), peer.H)
     work = np.empty((5, 5))
     run_linear(x, P, matrices, samples[:2], work)
-    return best_us(lambda: run_linear(x, P, matrices, samples, work), COUNT), best_us(filterpy, PEER_COUNT, 3)
+    return least_us(lambda: run_linear(x, P, matrices, samples, work), filterpy)
 
 
 def prior(peer: ExtendedKalmanFilter | UnscentedKalmanFilter) -> None:
     peer.P, peer.Q, peer.R = np.eye(STATES), 1e-8 * np.eye(STATES), np.array([[1e-3]])
 
 
-def extended_peer(samples: np.ndarray) -> float:
+def extended_peer(samples: np.ndarray) -> Callable[[], None]:
     row = model.measurement_row(STATES)[None, :]
     peer = ExtendedKalmanFilter(dim_x=STATES, dim_z=1)
     prior(peer)
@@ -100,10 +101,10 @@ def extended_peer(samples: np.ndarray) -> float:
             peer.predict()
             peer.update(z, lambda x: row, lambda x: row @ x)
 
-    return best_us(filterpy, PEER_COUNT, 3)
+    return filterpy
 
 
-def unscented_peer(samples: np.ndarray) -> float:
+def unscented_peer(samples: np.ndarray) -> Callable[[], None]:
     row = model.measurement_row(STATES)[None, :]
 
     def advanced(x: np.ndarray, dt: float) -> np.ndarray:
@@ -121,7 +122,7 @@ def unscented_peer(samples: np.ndarray) -> float:
             peer.predict()
             peer.update(z)
 
-    return best_us(filterpy, PEER_COUNT, 3)
+    return filterpy
 
 
 def main() -> None:
@@ -131,8 +132,8 @@ def main() -> None:
     for name in TRACKS:
         setting = Setting(name, 1.8)
         track(setting, samples[:10])  # compile
-        us = best_us(lambda s=setting: track(s, samples), COUNT)
-        rows.append((name, us, extended if name in ("EKF", "STF") else unscented))
+        peer = extended if name in ("EKF", "STF") else unscented
+        rows.append((name, *least_us(lambda s=setting: track(s, samples), peer)))
     print(f"{'filter':14} us/step  filterpy us   ratio")
     for name, us, peer in rows:
         print(f"{name:14} {us:7.3f}  {peer:11.1f}  {peer / us:6.0f}")

@@ -45,12 +45,12 @@ def test_sag_figures_of_a_known_track():
     found[1400:1430, 0] = 0.7
     angle = 2 * np.pi * 50 * k / 6400 - np.where((k > 700) & (k <= 1400), np.pi / 6, 0.0)
     found[:, cases.PHASE] = angle + np.radians(0.5)
-    found[[400, 401, 500, 700], cases.FADING] = 2.0
-    t1, t2, back1, back2, magnitude, phase, false, start, end = cases.measure_sag(found)
+    found[[400, 401, 500, 700, 1410], cases.FADING] = 2.0
+    t1, t2, back1, back2, magnitude, phase, *found_at = cases.measure_sag(found)
     assert (t1, t2, back1, back2) == pytest.approx((16 / 6.4, 44 / 6.4, 30 / 6.4, 30 / 6.4))
     assert magnitude == pytest.approx(0.01 * 500 / 1500)
     assert phase == pytest.approx(0.5)
-    assert (false, start, end) == (2 * 16.0, 1.0, 0.0)  # two alarms in 400 samples
+    assert found_at == [2 * 16.0, 1.0, 0.0, 0.0, 10.0]  # two alarms in 400 samples; the end 10 late
 
 
 def test_never_is_infinite():

@@ -138,13 +138,14 @@ def stay_ms(inside: NDArray[np.bool_]) -> float:
     return np.inf if outside[-1] == len(inside) - 1 else (outside[-1] + 1) * 1e3 / SAMPLING_HZ
 
 
-def alarms(found: Array, event: tuple[int, int]) -> tuple[float, float, float]:
+def alarms(found: Array, event: tuple[int, int]) -> tuple[float, float, float, float, float]:
     """False alarms per second before the event; whether lambda > 1 at exactly its first sample, and at the
-    first after its end."""
+    first after its end; after how many samples it is, at each."""
     raised = found[:, FADING] > 1.0
     before = raised[STARTED : event[0]]
     rises = np.count_nonzero(before[1:] & ~before[:-1])
-    return rises * SAMPLING_HZ / len(before), float(raised[event[0]]), float(raised[event[1]])
+    start, end = (first_ms(raised[first:]) * SAMPLING_HZ / 1e3 for first in event)
+    return rises * SAMPLING_HZ / len(before), float(start == 0.0), float(end == 0.0), start, end
 
 
 def measure_sag(found: Array) -> tuple[float, ...]:
@@ -173,7 +174,7 @@ def measure_sag(found: Array) -> tuple[float, ...]:
 
 def measure_impulse(found: Array) -> tuple[float, ...]:
     """Peak of the fundamental after the impulse [pu] and its sample; then `alarms`."""
-    stretch = found[IMPULSE[0] : 1100, 0]
+    stretch = np.nan_to_num(found[IMPULSE[0] : 1100, 0], nan=np.inf)
     return float(stretch.max()), float(IMPULSE[0] + 1 + stretch.argmax()), *alarms(found, IMPULSE)
 
 
@@ -192,8 +193,9 @@ MEASURES = {"sag": measure_sag, "impulse": measure_impulse, "harmonics": measure
 
 
 def monte_carlo(case: str, setting: Setting, seeds: int) -> Array:
-    """What a case measures, for each seed: (seeds, figures)."""
-    return np.array([MEASURES[case](track(setting, noisy(case, seed))) for seed in range(seeds)])
+    """What a case measures, for each seed: (seeds, figures); infinity where a filter runs away."""
+    figures = [MEASURES[case](track(setting, noisy(case, seed))) for seed in range(seeds)]
+    return np.nan_to_num(np.array(figures), nan=np.inf, posinf=np.inf)
 
 
 def median(figures: Array) -> Array:

@@ -200,7 +200,7 @@ def step_three(f, z, R):
     ids=["STF", "MSTUKF", "ours", "STUKF"],
 )
 def test_the_fading_makes_the_innovations_as_wide_as_they_show(step, share):
-    """Eq. 34: h P h' = V - beta R before the correction, wherever lambda > 1; after it, 1 / (1 / that + 1 / R).
+    """Eq. 34: h P h' = V - beta R before the correction, wherever lambda > 1; then 1 / (1 / that + 1 / R).
 
     Ours widens by a whole expected disturbance at least."""
     f = harmonic(share=share)
