@@ -91,9 +91,8 @@ each case, this report the median of the noise seeds and, in brackets, what 95 %
 As written, STF, STUKF and MSTUKF are one filter: each makes h P h' = V - beta R, and the difference in the
 share of Q, or between a Jacobian and sigma points at a turn of 2.8 degrees a sample, is far below the
 spread over the seeds. So are the paper's differences between STF and MSTUKF. Its times for STF are what
-either gives; its t1 for MSTUKF, 2.50 ms, is reached by about 4 % of
-the seeds. With the frequency left out of the
-fading (alpha = 0 for it in eq. 9) the median is near it.
+either gives; its t1 for MSTUKF, 2.50 ms, is reached by about 4 % of the seeds. With the frequency left out
+of the fading (alpha = 0 for it in eq. 9) the median is near it.
 
 What the noise was: with a variance of R = 0.001 both run away at softening 1.8, as lambda > 1 in every
 tenth sample widens the frequency until it is lost. 30 dB under the sinusoid is half of that, and is taken
@@ -107,13 +106,13 @@ best test of one sample finds that in 5 % of cases at one false alarm a second. 
 moves by 0.16, 0.17 and 0.64 pu.
 
 The impulse's softening factor is not given. With 1.8 or 8 the six samples are taken for harmonics and the
-magnitude goes to several per unit; with 68 STF peaks at 1.58 and MSTUKF at 1.51, near sample 811, as
-published (1.5749 at 813, 1.5093 at 810). So that must have been it, or near. The 1.4884 called true is the
-largest sample; the fundamental itself never leaves 1 pu.
+magnitude goes to several per unit; with 68 the medians are near the published 1.5749 at 813 (STF) and
+1.5093 at 810 (MSTUKF), so that must have been it, or near. The 1.4884 called true is the largest sample;
+the fundamental itself never leaves 1 pu.
 
 The mean square error of the harmonics is not defined. Its proportion to the squared amplitude says that the
-transients are in it; over the 700 samples of the harmonics ours as written is twice the published, over a
-record of 2500 about equal. The checks use the 700, the harder.
+transients are in it; over the 700 samples of the harmonics STF is at twice the published, over a record of
+2500 a quarter above. The checks use the 700, the harder.
 
 Ours keeps the model, R, Q, P0 and rho and one transform a step. It widens P not as a whole but by what a
 disturbance is expected to change, at least once its whole size, and leaves the frequency alone, with a
