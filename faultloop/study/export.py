@@ -23,8 +23,8 @@ def log_to_comtrade(
 ) -> list[Path]:
     """Sampled values of one relay or of all; element bits and breaker poles as status channels.
 
-    Values are primary.  The trigger is the first trip, or the first sample.  Returns the files written; raises
-    InputError where the log has no such relay or no samples.
+    Values are primary.  The trigger is the first trip, or the first sample.  Returns the files written;
+    raises InputError where the log has no such relay or no samples.
     """
     if relay is not None and relay not in log.relays:
         raise InputError(f"no relay '{relay}'; {nearest(relay, log.relays)}", file=log.path, key="--relay")
