@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import can
 import pytest
 
+import faultloop
 from faultloop.errors import InputError
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.frames import Frame, SampledValues, State, decode
@@ -65,6 +66,24 @@ def test_a_thousand_frames_and_none_lost():
             if n % 50 == 49:
                 got += [int.from_bytes(listener.recv(2).data, "little") for _ in range(50)]
         assert got == list(range(1000))
+
+
+def test_a_closed_loop_over_the_kernel():
+    """The same decisions, at the same times, as on the in-process bus; and the frames are on vcan0."""
+    scenario = Path(__file__).resolve().parents[2] / "scenarios" / "ag-zone1.toml"
+    with open_bus("socketcan", "vcan0") as listener:
+        real = faultloop.run(scenario, can="socketcan:vcan0")
+        states = []
+        while (message := listener.recv(0)) is not None:
+            frame = Frame(message.arbitration_id, bytes(message.data))
+            decoded = decode(frame)
+            states += [decoded] if isinstance(decoded, State) else []
+    simulated = faultloop.run(scenario)
+    assert real.trips == simulated.trips
+    assert real.held
+    tripped = {s.number for s in states if s.kind == Kind.TRIP and s.poles == 7}
+    opened = {s.number for s in states if s.kind == Kind.BREAKER_STATUS and s.poles == 0}
+    assert tripped == opened == {0, 1}
 
 
 @pytest.mark.skipif(shutil.which("cansend") is None, reason="no can-utils")
