@@ -44,6 +44,20 @@ def test_a_trip_opens_the_breaker_and_the_fault_current_is_gone() -> None:
             assert np.abs(after[phase]).max() < 1.0  # a line open at both ends: no current
 
 
+def test_an_open_line_has_no_direction_and_no_start() -> None:
+    """After the poles have opened, on a bus that keeps its voltage."""
+    result = faultloop.run(ROOT / "scenarios" / "clearing-both-ends.toml")
+    for relay in ("RA", "RB"):
+        opened = max(trip.opened_ns or 0 for trip in result.trips if trip.relay == relay)
+        rows = result.elements(relay)
+        late = rows[rows["t_ns"] > opened + 60_000_000]
+        assert len(late) > 500
+        assert not late["pickup"].any()
+        frequency = result.phasors(relay)["frequency_hz"]
+        assert np.isnan(frequency[:50]).all()  # not measured yet is not 0 Hz
+        assert abs(frequency[480] - 50) < 0.01
+
+
 def test_causality_a_trip_changes_nothing_before_it_arrives() -> None:
     """With and without the trip the plant gives the same samples until the breaker's poles part."""
     with_trip = faultloop.run(AG)

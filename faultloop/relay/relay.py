@@ -235,4 +235,7 @@ def _measuring(settings: RelaySettings, c: np.void) -> tuple[NDArray[np.void], N
         constants[key] = c[key]
     constants["interval"] = c["snapshot"] / c["sampling"]
     constants["snapshots"] = max(round(c["cycle"] / c["snapshot"]), 1)
-    return constants, np.zeros(1, MEASURE_STATE)
+    state = np.zeros(1, MEASURE_STATE)
+    for key in ("f", "frequency", "rocof"):
+        state[key] = np.nan  # nothing measured yet
+    return constants, state
