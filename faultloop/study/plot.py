@@ -157,18 +157,20 @@ def _waves(axes: Axes, view: RelayView, what: tuple[int, str], span: tuple[float
     first, label = what
     inside = (view.ms >= span[0]) & (view.ms <= span[1])
     ms, y = view.ms[inside], view.rows.samples[inside, first : first + 3] / 1e3
-    low, high = (np.nanmin(y), np.nanmax(y)) if np.isfinite(y).any() else (0.0, 0.0)
     size = np.sqrt(2) * np.abs(view.rows.phasors[inside, first : first + 3]) / 1e3
     for k, pole in enumerate(POLES):
         keep = thinned(y[:, k], POINTS)
         axes.plot(ms[keep], y[keep, k], color=PHASE_COLOURS[pole], lw=1.3)
         keep = thinned(size[:, k], POINTS)
-        axes.plot(ms[keep], size[keep, k], color=PHASE_COLOURS[pole], lw=1.1, ls=(0, (3, 1.5)), alpha=0.75)
-    axes.set_ylabel(label)
+        # Not part of the axes' range: an estimate may leave the waves' for a moment after a disturbance.
+        line = Line2D(
+            ms[keep], size[keep, k], color=PHASE_COLOURS[pole], lw=1.1, ls=(0, (3, 1.5)), alpha=0.75
+        )
+        axes.add_artist(line)
     if not np.isfinite(y).any():
         axes.text(0.5, 0.5, "no value is a number", transform=axes.transAxes, ha="center", color=FAINT)
-    elif low < high:  # the waves' own range: an estimate may leave it for a moment after a disturbance
-        axes.set_ylim(low - 0.1 * (high - low), high + 0.1 * (high - low))
+    axes.set_ylabel(label)
+    axes.margins(y=0.07)
 
 
 def _drawn_rows(view: RelayView, span: tuple[float, float]) -> list[TimelineRow]:
