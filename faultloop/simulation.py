@@ -133,12 +133,15 @@ class Simulation:
         self.simulated_ns = self._sample_ns(k)
 
     def _begin(self) -> None:
-        for place, relay in zip(self.scenario.relay, self.relays, strict=True):
+        before = self.plant.history(self.sampling_hz)  # a second: whole cycles at any nominal frequency
+        for i, (place, relay) in enumerate(zip(self.scenario.relay, self.relays, strict=True)):
             self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
+            relay.warm_up(before[:, i])
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
         for number in range(len(self._breaker_nodes)):
             self._record_breaker(0, number, self.plant.closed(self._breaker_names[number]), "")
+        self._record_relays(0)
 
     def _next_ns(self) -> int:
         """When something on the bus may act or must be sent; no block may pass it."""
@@ -173,7 +176,7 @@ class Simulation:
         self._record_samples(k, done)
         last_ns = self._sample_ns(k + done - 1)
         self._record_plant(last_ns)
-        self._record_relays(last_ns, done)
+        self._record_relays(last_ns)
         return done
 
     def _record_samples(self, k: int, m: int) -> None:
@@ -211,7 +214,7 @@ class Simulation:
                 text = f"fault {fault.name} {fault.type} {'applied' if on else 'gone'}"
                 self._event(change.t_ns, "plant", "info", text, PLANT_EVENTS)
 
-    def _record_relays(self, t_ns: int, m: int) -> None:
+    def _record_relays(self, t_ns: int) -> None:
         """Events, trips and outputs of the relays' last block, which ends at `t_ns`."""
         for place, relay, node in zip(self.scenario.relay, self.relays, self._relay_nodes, strict=True):
             for event in relay.events:
@@ -221,7 +224,7 @@ class Simulation:
                     self._record_trip(at_ns, place, event.sample_count, event.trip)
             outputs = relay.outputs
             node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
-            node.measured[:14] = relay.phasors[m - 1]
+            node.measured[:14] = relay.phasors[-1]
             node.measured[14] = relay.fault_location
 
     def _record_trip(self, t_ns: int, place: RelayPlace, sample_count: int, trip: Trip) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -114,6 +114,22 @@ class Relay:
         self._tell(done)
         self.sample_count += done
         return done
+
+    def warm_up(self, samples: Array) -> None:
+        """Run over the samples (n, 6) before sample 0: the relay has been in service when a run begins.
+
+        ``n`` must be whole cycles, as the phasors' reference begins with the first sample that a relay sees.
+        A trip that stands at the end is told as one of sample 0.
+        """
+        if len(samples) * self.settings.relay.frequency_hz % self.settings.relay.sampling_hz:
+            raise ValueError(f"{len(samples)} samples are no whole number of cycles")
+        done, trip = 0, None
+        while done < len(samples):
+            done += self.advance(samples[done:])
+            trip = next((event for event in self.events if event.trip is not None), trip)
+        self.sample_count = 0
+        standing = trip is not None and self.outputs.trip_poles != 0
+        self.events = [replace(trip, sample_count=0)] if trip is not None and standing else []
 
     def save(self) -> Any:
         """Everything that changes while it runs."""
