@@ -8,6 +8,7 @@ bit, as sample by sample.
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faultloop.errors import InputError
+from faultloop.errors import InputError, nearest
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport, open_transport
 from faultloop.nodes import FOREVER, BreakerNode, Command, RelayNode
@@ -347,11 +348,12 @@ def run(
         scenario = load_scenario(scenario, overrides)
     elif overrides:
         raise InputError("overrides need the scenario's file, not a Scenario", key="overrides")
-    if pace is not None and not pace > 0:
-        raise InputError(f"must be greater than 0, not {pace:g}", key="--pace")
+    if pace is not None and not 0 < pace < math.inf:
+        raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
     settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
     _check_settings(scenario, settings)
     relays = {name: Relay(s, name=name) for name, s in settings.items()}
+    _check_expectations(scenario, relays)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
     recorder = Recorder([*sinks, *([memory] if memory else [])])
     with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
@@ -365,6 +367,11 @@ def run(
         try:
             with _interruptible(simulation):
                 simulation.run(progress)
+        except InputError:  # a user's element or bus: nothing half-made stays behind
+            recorder.abort()
+            if streams.log is not None:
+                streams.log.part.unlink(missing_ok=True)
+            raise
         except BaseException:
             recorder.abort()
             raise
@@ -405,6 +412,19 @@ def _check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -
                     file=scenario.settings_path(place),
                     key=f"relay.{key}",
                 )
+
+
+def _check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
+    """The functions that are expected to trip exist."""
+    for number, expect in enumerate(scenario.expect):
+        functions = [name for name in relays[expect.relay].bits if "." not in name and name != "PTRC1"]
+        if expect.function is not None and expect.function not in functions:
+            raise InputError(
+                f"relay '{expect.relay}' has no function '{expect.function}';"
+                f" {nearest(expect.function, functions)}",
+                file=scenario.path,
+                key=f"expect[{number}].function",
+            )
 
 
 @contextmanager

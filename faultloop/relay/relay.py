@@ -171,7 +171,12 @@ class Relay:
             rows = np.hstack([phasors, loops])
             for k, element in enumerate(self._elements):
                 out = np.zeros((n, OUT))
-                element.run(element.state, rows, out)
+                try:
+                    element.run(element.state, rows, out)
+                except Exception as error:  # whatever a user's function raises
+                    what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
+                    key = f"element[{element.name}].function"
+                    raise InputError(what, file=self.settings.path, key=key) from error
                 self._users[:n, k] = out
 
     def _reserve(self, n: int) -> None:
