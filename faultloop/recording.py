@@ -142,6 +142,15 @@ Metadata = dict[str, dict[str, str]]
 Attachments = dict[str, str | bytes]
 
 
+def check_log_path(path: Path) -> None:
+    """InputError where a log must not or cannot go: another suffix might be an input, a device no file."""
+    if path.suffix.lower() != ".mcap":
+        raise InputError(f"a log's name must end in .mcap, as in {path.stem or 'run'}.mcap", file=path)
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "no regular file"
+        raise InputError(f"is {kind}; a log needs a file's name", file=path)
+
+
 class Streams(NamedTuple):
     """What a run was asked to write to."""
 
@@ -163,6 +172,8 @@ def open_streams(
 ) -> Streams:
     """The log and the rerun stream that are asked for; InputError where one cannot be opened."""
     stream = None
+    if log is not None:
+        check_log_path(Path(log))
     if rerun is not None:
         from faultloop.io.rerun_sink import RerunSink
 

@@ -9,26 +9,49 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
 from faultloop.errors import InputError, nearest
-from faultloop.tables import ComplexOhm, NonNegative, Number, Positive, Table, read_toml, validate
+from faultloop.tables import (
+    ComplexOhm,
+    Milliseconds,
+    NonNegative,
+    Number,
+    Positive,
+    Seconds,
+    Table,
+    read_toml,
+    validate,
+)
 
 FAULT_TYPES = ("AG", "BG", "CG", "AB", "BC", "CA", "ABG", "BCG", "CAG", "ABC", "ABCG")
 LOOPS = ("AG", "BG", "CG", "AB", "BC", "CA", "ABC")
 
 FaultType = Literal["AG", "BG", "CG", "AB", "BC", "CA", "ABG", "BCG", "CAG", "ABC", "ABCG"]
 End = Literal["from", "to"]
+PerKm = Annotated[float, Field(ge=0, le=1e4)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
+
+
+def _iso_time(value: Any) -> Any:
+    """A date and time, not the number that pydantic would take for one; within what a log can hold."""
+    if not isinstance(value, (datetime, str)):
+        raise ValueError(f"must be a date and time, as in 2020-01-01T00:00:00Z, not {value!r}")
+    time = datetime.fromisoformat(value) if isinstance(value, str) else value
+    if not 1970 <= time.year < 2200:
+        raise ValueError(f"must be from 1970 to 2199, not in the year {time.year}")
+    return time
 
 
 class Header(Table):
     """``[scenario]``"""
 
     name: str = Field(min_length=1)
-    duration_s: Positive
+    duration_s: Annotated[float, Field(gt=0, le=1e6)]
     seed: int = Field(default=1, ge=0, lt=2**63)
-    start: datetime = Field(default=datetime(2020, 1, 1, tzinfo=UTC), strict=False)
+    start: Annotated[datetime, BeforeValidator(_iso_time)] = Field(
+        default=datetime(2020, 1, 1, tzinfo=UTC), strict=False
+    )
     """The simulated time's epoch, in the log and on the bus; without an offset it is UTC."""
 
     @property
@@ -43,7 +66,7 @@ class System(Table):
     """``[system]``"""
 
     frequency_hz: Literal[50, 60]
-    base_kv: Positive
+    base_kv: Annotated[float, Field(gt=0, le=2000)]
     """Line-to-line RMS."""
     sampling_hz: int = Field(default=4800, ge=400, le=100_000)
     steps_per_sample: int = Field(default=4, ge=1, le=256)
@@ -62,7 +85,7 @@ class Source(Table):
     sir: Positive | None = None
     """|Zs1| / |Zl1|, at the line's angle, of the first line listed at the bus."""
     z0_over_z1: Positive = 1.0
-    frequency_hz: Positive | None = None
+    frequency_hz: Annotated[float, Field(ge=10, le=10_000)] | None = None
     """The source's own frequency; the system's where not given."""
 
     @model_validator(mode="after")
@@ -83,14 +106,14 @@ class Line(Table):
     name: Name
     from_bus: Name = Field(alias="from")
     to_bus: Name = Field(alias="to")
-    length_km: Positive
+    length_km: Annotated[float, Field(gt=0, le=5000)]
     model: Literal["bergeron", "pi", "rl"] = "bergeron"
-    r1_ohm_per_km: NonNegative
-    x1_ohm_per_km: Positive
-    b1_us_per_km: NonNegative = 0.0
-    r0_ohm_per_km: NonNegative
-    x0_ohm_per_km: Positive
-    b0_us_per_km: NonNegative = 0.0
+    r1_ohm_per_km: PerKm
+    x1_ohm_per_km: Annotated[float, Field(gt=0, le=1e4)]
+    b1_us_per_km: PerKm = 0.0
+    r0_ohm_per_km: PerKm
+    x0_ohm_per_km: Annotated[float, Field(gt=0, le=1e4)]
+    b0_us_per_km: PerKm = 0.0
     sections: int | None = Field(default=None, ge=1, le=500)
     """``pi`` only: cascaded sections over the whole line; chosen by length where not given."""
 
@@ -126,17 +149,17 @@ class Fault(Table):
     at_pu: Annotated[float, Field(ge=0, le=1)] | None = None
     bus: Name | None = None
     type: FaultType
-    start_s: NonNegative | None = None
+    start_s: Seconds | None = None
     angle_deg: Number | None = None
     """Point on wave: the angle of the first faulted phase's voltage (of A to B for AB, and so on, where no
     ground is involved), 0 at its rising zero."""
-    after_s: NonNegative = 0.0
+    after_s: Seconds = 0.0
     """With ``angle_deg``: not before this time."""
-    resistance_ohm: NonNegative = 0.0
+    resistance_ohm: Annotated[float, Field(ge=0, le=1e9)] = 0.0
     """From each faulted phase to their common point."""
-    ground_ohm: NonNegative = 0.0
+    ground_ohm: Annotated[float, Field(ge=0, le=1e9)] = 0.0
     """From the common point to ground."""
-    duration_s: Positive | None = None
+    duration_s: Annotated[float, Field(gt=0, le=1e6)] | None = None
     """Removed after this time, each phase at its current zero; permanent where not given."""
 
     @model_validator(mode="after")
@@ -160,8 +183,8 @@ class Breaker(Table):
     name: Name
     line: Name
     end: End
-    operate_ms: NonNegative = 40.0
-    close_ms: NonNegative = 80.0
+    operate_ms: Milliseconds = 40.0
+    close_ms: Milliseconds = 80.0
 
 
 class FrontEnd(Table):
@@ -213,9 +236,9 @@ class Can(Table):
     fd: bool = False
     """CAN FD, with its data phase at data_bitrate."""
     data_bitrate: int = Field(default=2_000_000, ge=10_000, le=8_000_000)
-    measurements_hz: NonNegative = 10.0
+    measurements_hz: Annotated[float, Field(ge=0, le=1000)] = 10.0
     """How often each relay publishes its measurements; 0 leaves them out."""
-    heartbeat_s: Positive = 1.0
+    heartbeat_s: Annotated[float, Field(ge=0.01, le=3600)] = 1.0
     """Interval of the heartbeat and the longest of the repetition of trip, close and pilot frames."""
 
 

@@ -8,6 +8,7 @@ bit, as sample by sample.
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from faultloop.errors import InputError
+from faultloop.errors import InputError, nearest
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport, open_transport
 from faultloop.nodes import FOREVER, BreakerNode, Command, RelayNode
@@ -133,12 +134,15 @@ class Simulation:
         self.simulated_ns = self._sample_ns(k)
 
     def _begin(self) -> None:
-        for place, relay in zip(self.scenario.relay, self.relays, strict=True):
+        before = self.plant.history(self.sampling_hz)  # a second: whole cycles at any nominal frequency
+        for i, (place, relay) in enumerate(zip(self.scenario.relay, self.relays, strict=True)):
             self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
+            relay.warm_up(before[:, i])
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
         for number in range(len(self._breaker_nodes)):
             self._record_breaker(0, number, self.plant.closed(self._breaker_names[number]), "")
+        self._record_relays(0)
 
     def _next_ns(self) -> int:
         """When something on the bus may act or must be sent; no block may pass it."""
@@ -173,7 +177,7 @@ class Simulation:
         self._record_samples(k, done)
         last_ns = self._sample_ns(k + done - 1)
         self._record_plant(last_ns)
-        self._record_relays(last_ns, done)
+        self._record_relays(last_ns)
         return done
 
     def _record_samples(self, k: int, m: int) -> None:
@@ -211,7 +215,7 @@ class Simulation:
                 text = f"fault {fault.name} {fault.type} {'applied' if on else 'gone'}"
                 self._event(change.t_ns, "plant", "info", text, PLANT_EVENTS)
 
-    def _record_relays(self, t_ns: int, m: int) -> None:
+    def _record_relays(self, t_ns: int) -> None:
         """Events, trips and outputs of the relays' last block, which ends at `t_ns`."""
         for place, relay, node in zip(self.scenario.relay, self.relays, self._relay_nodes, strict=True):
             for event in relay.events:
@@ -221,7 +225,7 @@ class Simulation:
                     self._record_trip(at_ns, place, event.sample_count, event.trip)
             outputs = relay.outputs
             node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
-            node.measured[:14] = relay.phasors[m - 1]
+            node.measured[:14] = relay.phasors[-1]
             node.measured[14] = relay.fault_location
 
     def _record_trip(self, t_ns: int, place: RelayPlace, sample_count: int, trip: Trip) -> None:
@@ -344,11 +348,12 @@ def run(
         scenario = load_scenario(scenario, overrides)
     elif overrides:
         raise InputError("overrides need the scenario's file, not a Scenario", key="overrides")
-    if pace is not None and not pace > 0:
-        raise InputError(f"must be greater than 0, not {pace:g}", key="--pace")
+    if pace is not None and not 0 < pace < math.inf:
+        raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
     settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
     _check_settings(scenario, settings)
     relays = {name: Relay(s, name=name) for name, s in settings.items()}
+    _check_expectations(scenario, relays)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
     recorder = Recorder([*sinks, *([memory] if memory else [])])
     with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
@@ -362,6 +367,11 @@ def run(
         try:
             with _interruptible(simulation):
                 simulation.run(progress)
+        except InputError:  # a user's element or bus: nothing half-made stays behind
+            recorder.abort()
+            if streams.log is not None:
+                streams.log.part.unlink(missing_ok=True)
+            raise
         except BaseException:
             recorder.abort()
             raise
@@ -402,6 +412,19 @@ def _check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -
                     file=scenario.settings_path(place),
                     key=f"relay.{key}",
                 )
+
+
+def _check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
+    """The functions that are expected to trip exist."""
+    for number, expect in enumerate(scenario.expect):
+        functions = [name for name in relays[expect.relay].bits if "." not in name and name != "PTRC1"]
+        if expect.function is not None and expect.function not in functions:
+            raise InputError(
+                f"relay '{expect.relay}' has no function '{expect.function}';"
+                f" {nearest(expect.function, functions)}",
+                file=scenario.path,
+                key=f"expect[{number}].function",
+            )
 
 
 @contextmanager

@@ -29,6 +29,8 @@ Number = float
 """A finite number; TOML's 5 and 5.0 are the same, "5" is not a number."""
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+Milliseconds = Annotated[float, Field(ge=0, le=1e7)]
+Seconds = Annotated[float, Field(ge=0, le=1e6)]
 ComplexOhm = Annotated[tuple[float, float], Field(strict=False), AfterValidator(_pair)]
 """An impedance as TOML ``[r, x]`` in ohm."""
 
@@ -46,8 +48,8 @@ def read_toml(path: Path | str) -> tuple[dict[str, Any], str]:
         raise InputError("is a folder; a TOML file is needed", file=path) from None
     except UnicodeDecodeError as error:
         raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
+    except (OSError, ValueError) as error:  # a path with a NUL is a ValueError
+        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=path) from None
     try:
         return tomllib.loads(text), text
     except tomllib.TOMLDecodeError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,17 @@ def test_a_trip_opens_the_breaker_and_the_fault_current_is_gone() -> None:
         after = rows[rows["t_ns"] > trip.opened_ns + 1_000_000]
         for phase in ("ia", "ib", "ic"):
             assert np.abs(after[phase]).max() < 1.0  # a line open at both ends: no current
+
+
+def test_an_open_line_has_no_direction_and_no_start() -> None:
+    """After the poles have opened, on a bus that keeps its voltage."""
+    result = faultloop.run(ROOT / "scenarios" / "clearing-both-ends.toml")
+    for relay in ("RA", "RB"):
+        opened = max(trip.opened_ns or 0 for trip in result.trips if trip.relay == relay)
+        rows = result.elements(relay)
+        late = rows[rows["t_ns"] > opened + 60_000_000]
+        assert len(late) > 500
+        assert not late["pickup"].any()
 
 
 def test_causality_a_trip_changes_nothing_before_it_arrives() -> None:
@@ -124,3 +136,22 @@ def test_what_only_the_run_can_find_wrong(overrides: list[str], words: str, tmp_
     with pytest.raises(InputError, match=words):
         faultloop.run(AG, log=tmp_path / "x.mcap", overrides=overrides)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("start_s", [0.0, 0.001, 0.021])
+def test_the_relay_is_in_service_when_the_run_begins(start_s: float) -> None:
+    fault = f"fault=[{{line='AB', at_pu=0.4, type='BC', start_s={start_s}}}]"
+    data = scenario(fault=tomllib.loads(fault)["fault"])
+    result = faultloop.run(Scenario.from_dict(data, path=ROOT / "scenarios" / "x.toml"))
+    assert {(t.relay, t.loop, t.function) for t in result.trips} == {
+        ("RA", "BC", "PDIS1"),
+        ("RB", "BC", "PDIS1"),
+    }
+    assert all((t.received_ns or 0) / 1e9 - start_s < 0.03 for t in result.trips)
+
+
+def test_phasors_stand_from_the_first_sample_on() -> None:
+    result = faultloop.run(AG)
+    before = result.phasors("RA")[:400]
+    for column in ("va_re", "va_im", "ic_re", "ic_im", "frequency_hz"):
+        assert np.ptp(before[column]) < 1e-3 * np.abs(before[column]).max()

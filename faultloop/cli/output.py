@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, Group
 from rich.progress import Progress
+from rich.text import Text
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
@@ -19,8 +20,9 @@ from rich.table import Table
 
 def console() -> Console:
     """Standard output; where it is no terminal, wide enough that no table is cut."""
-    out = Console(highlight=False)
-    return out if out.is_terminal else Console(highlight=False, width=160)
+    # No markup: a name in a scenario may hold brackets.
+    out = Console(highlight=False, markup=False)
+    return out if out.is_terminal else Console(highlight=False, markup=False, width=160)
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Group:
@@ -29,8 +31,8 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
     for column in columns:
         out.add_column(column.removeprefix(">"), justify="right" if column.startswith(">") else "left")
     for row in rows:
-        out.add_row(*[str(cell) for cell in row])
-    return Group(f"[bold]{title}[/bold]", out)
+        out.add_row(*[cell if isinstance(cell, Text) else Text(str(cell)) for cell in row])
+    return Group(Text(title, style="bold"), out)
 
 
 @contextmanager

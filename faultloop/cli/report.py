@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from rich.text import Text
+
 from faultloop.cli.output import console, table
 from faultloop.result import Result, delay_ms, pole_names
 
@@ -56,7 +58,9 @@ def print_result(result: Result) -> None:
     """The run in a screenful."""
     out = console()
     name = result.scenario.scenario.name
-    out.print(f"[bold]{name}[/bold]: {result.simulated_s:g} s simulated in {result.wall_s:.2f} s")
+    out.print(
+        Text(name, style="bold"), f": {result.simulated_s:g} s simulated in {result.wall_s:.2f} s", sep=""
+    )
     out.print(table("Events", [">ms", "from", "what"], event_rows(result)))
     start = result.fault_start_ns
     rows = []
@@ -81,7 +85,7 @@ def print_result(result: Result) -> None:
         out.print("\nNo trip.")
     if result.expectations:
         out.print()
-        held = [("[green]held[/green]" if v.held else "[red]NOT HELD[/red]") for v in result.expectations]
+        held = [Text("held", "green") if v.held else Text("NOT HELD", "red") for v in result.expectations]
         rows = [
             (h, v.expect.relay, "trip" if v.expect.trip else "no trip", v.why)
             for h, v in zip(held, result.expectations, strict=True)
@@ -90,7 +94,7 @@ def print_result(result: Result) -> None:
     load = "" if result.bus_load is None else f", bus load {100 * result.bus_load:.1f} %"
     out.print(f"\n{result.can_frames} CAN frames{load}")
     if result.interrupted:
-        out.print(f"[yellow]interrupted at {result.simulated_s:g} s[/yellow]")
+        out.print(f"interrupted at {result.simulated_s:g} s", style="yellow")
     if result.log is not None:
         out.print(f"log: {result.log}")
 
@@ -107,7 +111,8 @@ def _percent(part: float | None) -> str:
 def print_replay(result: ReplayResult) -> None:
     """The replay in a screenful."""
     out = console()
-    out.print(f"[bold]{result.record.name}[/bold]: {result.duration_ns / 1e9:g} s played into the relay")
+    duration = f": {result.duration_ns / 1e9:g} s played into the relay"
+    out.print(Text(result.record.name, style="bold"), duration, sep="")
     for note in result.notes:
         out.print(note, style="dim", markup=False)
     rows = [(f"{e.t_ns / 1e6:.2f}", e.text) for e in result.events if e.text not in result.notes]

@@ -201,6 +201,8 @@ def recover_log(broken: str | Path, out: str | Path) -> Recovered:
     data = memoryview(map_file(source))
     if out.exists() and out.samefile(source):
         raise InputError("is the output too; give another output file", file=source)
+    if out.exists() and not out.is_file():
+        raise InputError("is no regular file; a log needs a file's name", file=out)
     aside = out.with_name(out.name + ".recovering")  # not .part: that may be the source
     result = Recovered(source, out)
     try:

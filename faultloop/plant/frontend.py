@@ -102,10 +102,14 @@ def _butterworth(settings: FrontEnd, rate: float, key: str) -> NDArray[np.float6
     return np.array(rows)
 
 
-def settle(front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.complex128], angle: float) -> None:
+def settle(
+    front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.complex128], angle: float
+) -> NDArray[np.complex128]:
     """Adds to the filter states ``z`` (relays, 6, SECTIONS, 2) what an eternal sinusoid leaves in them before
-    step 0: ``x`` (relays, 6) its peak phasors at step 0, ``angle`` [rad] its turn per step."""
+    step 0: ``x`` (relays, 6) its peak phasors at step 0, ``angle`` [rad] its turn per step.  Returns the
+    phasors behind the filters."""
     back = np.exp(-1j * angle)
+    behind = x.copy()
     for i, count in enumerate(front.sections):
         signal = x[i]
         for s in range(count):
@@ -115,6 +119,8 @@ def settle(front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.complex128], 
             z[i, :, s, 0] += ((b1 * signal - a1 * out) * back + second * back).real
             z[i, :, s, 1] += second.real
             signal = out
+        behind[i] = signal
+    return behind
 
 
 @njit
@@ -157,6 +163,13 @@ def convert(front: FrontEnds, number: int, x: NDArray[np.float64], out: NDArray[
                 code = np.rint(value / front.lsb[i, c])
                 value = front.lsb[i, c] * min(max(code, -front.codes[i]), front.codes[i] - 1.0)
             out[i, c] = value
+
+
+@njit
+def convert_block(front: FrontEnds, first: int, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """Samples from number ``first`` on; ``x`` and ``out`` (n, relays, 6)."""
+    for k in range(x.shape[0]):
+        convert(front, first + k, x[k], out[k])
 
 
 @njit

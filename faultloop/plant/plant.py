@@ -13,7 +13,7 @@ from faultloop.errors import InputError, nearest
 from faultloop.plant import kernel
 from faultloop.plant.circuit import Circuit
 from faultloop.plant.elements import State
-from faultloop.plant.frontend import SECTIONS, FrontEnds, front_ends, settle
+from faultloop.plant.frontend import SECTIONS, FrontEnds, convert_block, front_ends, settle
 from faultloop.plant.kernel import PENDING, ROW, STEP, STOP, Watch
 from faultloop.plant.network import Model, renew_switch_currents
 from faultloop.plant.probe import Probe
@@ -143,6 +143,15 @@ class Plant:
         self.sample_count += m
         self.samples = self._samples[:m]
         return m
+
+    def history(self, n: int) -> NDArray[np.float64]:
+        """The ``n`` samples before sample 0, (n, relays, 6), of the steady state that the run begins in."""
+        steps = np.arange(-n, 0)[:, None, None] * self.steps_per_sample
+        values = np.zeros((n, len(self.scenario.relay), 6))
+        for angle, phasors in self._before:
+            values += (phasors * np.exp(1j * angle * steps)).real
+        convert_block(self._front, -n, values, values)
+        return values
 
     def command(self, breaker: str, action: Literal["open", "close"], poles_mask: int, t_ns: int) -> None:
         """A breaker receives a command at ``t_ns``, not before the last advanced time.
@@ -278,13 +287,14 @@ class Plant:
         """The state of an eternal run at step 0."""
         fill(self._model, steady, self._state)
         front = self._front
+        self._before: list[tuple[float, NDArray[np.complex128]]] = []
         for s in steady:
             x = np.zeros((len(self.scenario.relay), 6), dtype=complex)
             for i in range(len(x)):
                 x[i, :3] = s.v[front.bus[i]] * ROTATION
                 span = slice(front.pointer[i], front.pointer[i + 1])
                 x[i, 3:] = (front.sign[span] * s.current[front.term[span]]).sum() * ROTATION
-            settle(front, self._state.lowpass, x, s.angle)
+            self._before.append((s.angle, settle(front, self._state.lowpass, x, s.angle)))
 
     def _step_at(self, t_ns: int) -> int:
         """The first step at or after a time."""

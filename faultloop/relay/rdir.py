@@ -96,6 +96,13 @@ def indication(c, s):
 
 
 @njit
+def dead(c, s):
+    """Whether no phase carries current: an open line has no direction."""
+    least = c.open_current**2
+    return size2(s.x[3]) < least and size2(s.x[4]) < least and size2(s.x[5]) < least
+
+
+@njit
 def decide(c, s):
     """One sample of the directional element, during a disturbance; sets ``s.direction``.
 
@@ -103,6 +110,9 @@ def decide(c, s):
     """
     r = s.direction
     r.polarizing = polarizing_voltage(c, s)
+    if dead(c, s):
+        r.direction = r.candidate = r.count = 0
+        return
     candidate = indication(c, s)
     if candidate == AS_BEFORE:
         return

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -115,6 +115,22 @@ class Relay:
         self.sample_count += done
         return done
 
+    def warm_up(self, samples: Array) -> None:
+        """Run over the samples (n, 6) before sample 0: the relay has been in service when a run begins.
+
+        ``n`` must be whole cycles, as the phasors' reference begins with the first sample that a relay sees.
+        A trip that stands at the end is told as one of sample 0.
+        """
+        if len(samples) * self.settings.relay.frequency_hz % self.settings.relay.sampling_hz:
+            raise ValueError(f"{len(samples)} samples are no whole number of cycles")
+        done, trip = 0, None
+        while done < len(samples):
+            done += self.advance(samples[done:])
+            trip = next((event for event in self.events if event.trip is not None), trip)
+        self.sample_count = 0
+        standing = trip is not None and self.outputs.trip_poles != 0
+        self.events = [replace(trip, sample_count=0)] if trip is not None and standing else []
+
     def save(self) -> Any:
         """Everything that changes while it runs."""
         rest = (self.sample_count, self._last_words, self._trips, self._located, self._tripped, self.inputs)
@@ -155,7 +171,12 @@ class Relay:
             rows = np.hstack([phasors, loops])
             for k, element in enumerate(self._elements):
                 out = np.zeros((n, OUT))
-                element.run(element.state, rows, out)
+                try:
+                    element.run(element.state, rows, out)
+                except Exception as error:  # whatever a user's function raises
+                    what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
+                    key = f"element[{element.name}].function"
+                    raise InputError(what, file=self.settings.path, key=key) from error
                 self._users[:n, k] = out
 
     def _reserve(self, n: int) -> None:
@@ -235,4 +256,7 @@ def _measuring(settings: RelaySettings, c: np.void) -> tuple[NDArray[np.void], N
         constants[key] = c[key]
     constants["interval"] = c["snapshot"] / c["sampling"]
     constants["snapshots"] = max(round(c["cycle"] / c["snapshot"]), 1)
-    return constants, np.zeros(1, MEASURE_STATE)
+    state = np.zeros(1, MEASURE_STATE)
+    for key in ("f", "frequency", "rocof"):
+        state[key] = np.nan  # nothing measured yet
+    return constants, state

@@ -15,7 +15,15 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Field, PrivateAttr, model_validator
 
 from faultloop.errors import InputError, nearest
-from faultloop.tables import ComplexOhm, NonNegative, Number, Positive, Table, read_toml, validate
+from faultloop.tables import (
+    ComplexOhm,
+    Milliseconds,
+    Number,
+    Positive,
+    Table,
+    read_toml,
+    validate,
+)
 
 MAX_ZONES = 16
 MAX_ELEMENTS = 8
@@ -110,9 +118,9 @@ class Pdis(Table):
     """Of a quad: how far the reactance line falls towards the resistive side."""
     residual_compensation_factor: ComplexFactor | None = None
     """k0; (z0 - z1) / (3 z1) of the line where not given."""
-    delay_ms: NonNegative = 0.0
-    delay_phase_ms: NonNegative | None = None
-    delay_ground_ms: NonNegative | None = None
+    delay_ms: Milliseconds = 0.0
+    delay_phase_ms: Milliseconds | None = None
+    delay_ground_ms: Milliseconds | None = None
     minimum_current_a: Positive | None = None
     """Of the loop current (phase-phase, or compensated); 20 A primary where not given."""
     minimum_residual_current_a: Positive | None = None
@@ -137,7 +145,7 @@ class Pdis(Table):
 class Rdir(Table):
     """``[rdir]``: the directional element and the memory that it, the zones and the phase selection share."""
 
-    memory_ms: NonNegative = 200.0
+    memory_ms: Milliseconds = 200.0
     """How long the pre-fault voltage polarizes; it then fades into the present one within 100 ms."""
     minimum_angle_deg: Annotated[float, Field(ge=0, le=45)] = 15.0
     """Forward reaches this far below the resistive axis ..."""
@@ -178,7 +186,7 @@ class Ptrc(Table):
     mode: Literal["three-pole", "single-pole"] = "three-pole"
     zones: tuple[int, ...] | None = Field(default=None, strict=False)
     """The zones that trip; all where not given."""
-    minimum_trip_ms: NonNegative = 80.0
+    minimum_trip_ms: Milliseconds = 80.0
     """A trip lasts at least this long, and until the poles' current is gone or the breaker says open."""
     open_current_a: Positive | None = None
     """A pole below it is open; 20 A primary where not given."""

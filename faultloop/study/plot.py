@@ -162,7 +162,11 @@ def _waves(axes: Axes, view: RelayView, what: tuple[int, str], span: tuple[float
         keep = thinned(y[:, k], POINTS)
         axes.plot(ms[keep], y[keep, k], color=PHASE_COLOURS[pole], lw=1.3)
         keep = thinned(size[:, k], POINTS)
-        axes.plot(ms[keep], size[keep, k], color=PHASE_COLOURS[pole], lw=1.1, ls=(0, (3, 1.5)), alpha=0.75)
+        # Not part of the axes' range: an estimate may leave the waves' for a moment after a disturbance.
+        line = Line2D(
+            ms[keep], size[keep, k], color=PHASE_COLOURS[pole], lw=1.1, ls=(0, (3, 1.5)), alpha=0.75
+        )
+        axes.add_artist(line)
     if not np.isfinite(y).any():
         axes.text(0.5, 0.5, "no value is a number", transform=axes.transAxes, ha="center", color=FAINT)
     axes.set_ylabel(label)

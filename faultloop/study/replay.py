@@ -165,6 +165,9 @@ def replay(
     )
     try:
         _play(relay, played, recorder, result)
+    except KeyboardInterrupt:
+        recorder.close()  # whole, as far as it came
+        raise
     except BaseException:
         recorder.abort()
         raise

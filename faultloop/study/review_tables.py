@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from faultloop.io.messages import CHANNELS
 
@@ -55,7 +55,7 @@ def print_review(summary: Summary, console: Console) -> None:
         console.print("\nNo trip.")
     console.print(f"\n{can_text(summary['can'])}", markup=False)
     for warning in summary["warnings"]:
-        console.print("[yellow]warning:[/yellow] ", end="")
+        console.print("warning: ", style="yellow", end="")
         console.print(warning, markup=False)
 
 
@@ -211,9 +211,9 @@ def _fixed(value: float | None, digits: int) -> str:
 
 
 def _table(title: str, columns: Sequence[str], rows: Rows) -> Table:
-    out = Table(title=escape(title), title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
+    out = Table(title=Text(title), title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
     for column in columns:
         out.add_column(column.removeprefix(">"), justify="right" if column.startswith(">") else "left")
     for row in rows:
-        out.add_row(*map(escape, row))
+        out.add_row(*map(Text, row))
     return out

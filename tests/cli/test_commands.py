@@ -98,12 +98,49 @@ def test_a_wrong_scenario(capsys: Capture, tmp_path: Path, text: str | None, wor
         (["--pace", "1", "--realtime"], "either --realtime"),
         (["--can", "vcan0"], "INTERFACE:CHANNEL"),
         (["--can", "nothing:0"], "nothing"),
+        (["--pace", "inf"], "finite"),
+        (["--set", "scenario.start=1600-01-01T00:00:00Z"], "scenario.start"),
+        (["--set", "scenario.start=5"], "scenario.start"),
+        (["--set", "source.SA.frequency_hz=1e-9"], "source[SA].frequency_hz"),
+        (["--set", "can.measurements_hz=1e9"], "can.measurements_hz"),
+        (["--set", "line.AB.length_km=1e7"], "line[AB].length_km"),
+        (["--set", "system.base_kv=1e308"], "system.base_kv"),
+        (["--set", "breaker.QA.operate_ms=1e300"], "breaker[QA].operate_ms"),
+        (["--set", "expect.0.function=PDIS99"], "did you mean 'PDIS"),
         (["--colour"], "No such option"),
     ],
 )
 def test_wrong_arguments_of_run(capsys: Capture, tmp_path: Path, arguments: list[str], words: str) -> None:
     assert words in wrong(capsys, "run", AG, "--log", tmp_path / "x.mcap", *arguments)
     assert not list(tmp_path.iterdir())
+
+
+def test_brackets_in_a_name_are_no_markup(capsys: Capture, tmp_path: Path) -> None:
+    log = tmp_path / "x.mcap"
+    assert call(["run", str(AG), "--log", str(log), "--set", 'scenario.name="x [/z]"']) == 0
+    assert "x [/z]" in capsys.readouterr().out
+    assert call(["review", str(log)]) == 0
+    assert "x [/z]" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["folder.mcap", "run.toml"])
+def test_a_log_goes_to_a_file_of_its_own(capsys: Capture, tmp_path: Path, name: str) -> None:
+    (tmp_path / "folder.mcap").mkdir()
+    assert name in wrong(capsys, "run", AG, "--log", tmp_path / name)
+    assert [p.name for p in tmp_path.iterdir()] == ["folder.mcap"]
+
+
+def test_a_users_element_that_fails(capsys: Capture, tmp_path: Path) -> None:
+    """One line that names it, and no log half-made."""
+    (tmp_path / "bad.py").write_text("def step(state, x, out):\n    raise KeyError('no')\n", encoding="utf-8")
+    text = (ROOT / "scenarios" / "settings" / "ab-mho.toml").read_text(encoding="utf-8")
+    element = '\n[[element]]\nname = "BAD1"\nfunction = "bad.py:step"\n'
+    (tmp_path / "r.toml").write_text(text + element, encoding="utf-8")
+    err = wrong(
+        capsys, "run", AG, "--log", tmp_path / "x.mcap", "--set", f"relay.RA.settings={tmp_path / 'r.toml'}"
+    )
+    assert "element[BAD1].function" in err
+    assert not list(tmp_path.glob("*.mcap*"))
 
 
 def test_a_log_that_cannot_be_written(capsys: Capture, tmp_path: Path) -> None:

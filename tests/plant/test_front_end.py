@@ -79,3 +79,15 @@ RELAYS = [{"name": f"R{e}", "line": "L", "end": e, "settings": "none.toml"} for 
 def test_a_low_pass_above_the_plants_own_band_is_refused() -> None:
     with pytest.raises(InputError, match="too near half the plant's 19200 steps"):
         Plant(build("rl", front_end={"antialias_hz": 9000.0}))
+
+
+def test_the_history_runs_into_the_first_samples() -> None:
+    """Samples before sample 0 and from it on are one sinusoid, behind the low-pass too."""
+    plant = Plant(build("rl", front_end={"antialias_hz": 900.0}))
+    before = plant.history(96)
+    plant.advance(96)
+    whole = np.concatenate([before, plant.samples])[:, 0]
+    t = 2 * np.pi * 50 * np.arange(-96, 96) / 4800
+    basis = np.column_stack([np.cos(t), np.sin(t)])
+    fitted = basis @ np.linalg.lstsq(basis, whole, rcond=None)[0]
+    assert np.abs(whole - fitted).max() < 1e-6 * np.abs(whole).max()

@@ -72,7 +72,7 @@ def test_kalman_with_a_known_variance_is_filterpys(offset):
     decay = np.exp(-1 / (fs * tau))
     samples = waveform(count, fs, noise=0.03)
     samples[:, 3:] += 0.008 * np.exp(-np.arange(count)[:, None] / (fs * 0.06))
-    estimator = make_estimator("adaptive-kalman", fs, 50.0, offset=offset, memory_cycles=1.5)
+    estimator = make_estimator("adaptive-kalman", fs, 50.0, offset=offset, memory_cycles=1.5, wave_noise=0.0)
     state = estimator.state.copy()
     state[shared.VARIANCE_GAIN] = 0.0
     state[shared.VARIANCE : shared.VARIANCE + 6] = np.repeat(variance, 3)
@@ -82,7 +82,8 @@ def test_kalman_with_a_known_variance_is_filterpys(offset):
     for c in range(6):
         offsets = c // 3
         peer = KalmanFilter(dim_x=2 + offsets, dim_z=1)
-        peer.P = 9.0 * np.square(samples[0, 3 * offsets : 3 * offsets + 3]).max() * np.eye(2 + offsets)
+        spread = 9.0 if offsets else 1.0
+        peer.P = spread * np.square(samples[0, 3 * offsets : 3 * offsets + 3]).max() * np.eye(2 + offsets)
         peer.R[:] = variance[offsets]
         transition = decay if offset == "decaying" else 1.0
         peer.F = np.diag([1.0, 1.0, transition][: 2 + offsets])

@@ -42,6 +42,7 @@ from faultloop.relay.estimators.disturbance import (
     NOISE_FLOOR,
     SAMPLING_HZ,
     SMALLEST,
+    WAVE_NOISE,
     N,
     compare,
     follow_level,
@@ -54,6 +55,7 @@ from faultloop.relay.estimators.disturbance import (
 from faultloop.relay.estimators.parameters import choice, number, samples_per_cycle
 from faultloop.relay.estimators.reference import PEAK_TO_RMS, reference
 
+VOLTAGE_SPREAD = 1.0  # of the renewed covariance, over the peak: a fault does not raise a voltage
 PROCESS = HEADER  # process noise of the phasor per sample, over R
 OFFSET_PROCESS = HEADER + 1  # process noise of the offset per sample, over its square
 RENEWAL = HEADER + 2  # renewed covariance over the squared peak
@@ -113,7 +115,7 @@ def renew(state):
     """Forget how sure the states were, and keep them as the prior mean."""
     for c in range(3):
         v = voltage_of(state, c)
-        p = state[RENEWAL] * state[LEVEL] + SMALLEST
+        p = VOLTAGE_SPREAD**2 * state[LEVEL] + SMALLEST
         v[2], v[3], v[4] = p, 0.0, p
         state[PREDICTED + c] = p  # cos^2 + sin^2 = 1
         i = current_of(state, c)
@@ -209,6 +211,7 @@ def make(
     renewal_spread: float = 3.0,
     noise_floor: float = NOISE_FLOOR,
     detection_threshold: float = DETECTION_THRESHOLD,
+    wave_noise: float = WAVE_NOISE,
 ) -> Estimator:
     """Adaptive Kalman filter.
 
@@ -218,8 +221,10 @@ def make(
     time_constant_ms : time constant of the offset [ms].
     decay_uncertainty : standard error of the offset's rate of decay, over the rate.
     memory_cycles : time constant of the steady filter [cycles of f0].
-    renewal_spread : standard deviation of the renewed states, over the peak of the voltages or currents.
+    renewal_spread : standard deviation of the currents' renewed states, over their peak; the voltages' is 1.
     noise_floor : least standard deviation of the noise, over the same peak.
+    wave_noise : standard deviation that a disturbance adds, over the same peak; its variance decays within
+        a fifth of a cycle.
     detection_threshold : squared normalised innovation that is a disturbance.
 
     Raises InputError below 6 samples per cycle or for a parameter outside its limits.
@@ -229,7 +234,7 @@ def make(
     decay = math.exp(-1.0 / (tau * sampling_hz))
     memory = per_cycle * number("memory_cycles", memory_cycles, least=0.1, most=100.0)
     state = np.zeros(LENGTH)
-    state[:HEADER] = header(sampling_hz, frequency_hz, noise_floor, detection_threshold)
+    state[:HEADER] = header(sampling_hz, frequency_hz, noise_floor, detection_threshold, wave_noise)
     # A phasor of variance q R per sample that is seen through a unit sinusoid settles at the pole 1 -
     # sqrt(q / 2).
     state[PROCESS] = 2.0 / memory**2

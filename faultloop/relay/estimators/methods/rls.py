@@ -174,7 +174,7 @@ def make(
     forgetting = number("forgetting_factor", forgetting_factor, least=0.5, most=1.0)
     tau = 1e-3 * number("time_constant_ms", time_constant_ms, least=1.0, most=1000.0)
     state = np.zeros(WORK + 3 * n + n * n + CHANNELS * n)
-    state[:HEADER] = header(sampling_hz, frequency_hz, noise_floor, detection_threshold)
+    state[:HEADER] = header(sampling_hz, frequency_hz, noise_floor, detection_threshold, 0.0)
     state[FORGETTING] = forgetting
     state[ALPHA] = math.sqrt(number("initial_covariance", initial_covariance, least=1.0, most=1e20))
     state[TRANSITION] = math.exp(-1.0 / (tau * sampling_hz))
