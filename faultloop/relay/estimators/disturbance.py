@@ -84,7 +84,7 @@ def header(
     frequency_hz: float,
     noise_floor: float,
     detection_threshold: float,
-    wave_noise: float,
+    wave_noise: float = 0.0,
 ) -> Array:
     """The header of a fresh state, (HEADER,); R is averaged over one cycle.
 
