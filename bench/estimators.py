@@ -1,7 +1,8 @@
 """Cost of every estimator: six channels, 4800 samples per second, microseconds per sample, best of several
 runs.
 
-Beside them filterpy's KalmanFilter with the same states (three of two, three of three), in the same run.
+Beside them filterpy's KalmanFilter with the same states (three of two, three of three), in the same run;
+beside kalman-bank a filterpy filter for each of its own (three of two, 36 of three).
 
     python bench/estimators.py
 """
@@ -13,7 +14,13 @@ import time
 import numpy as np
 from filterpy.kalman import KalmanFilter
 
-from faultloop.relay.estimators import ROW, estimator_methods, make_estimator, run_estimator
+from faultloop.relay.estimators import (
+    ROW,
+    estimator_methods,
+    estimator_parameters,
+    make_estimator,
+    run_estimator,
+)
 
 SAMPLING_HZ = 4800
 FREQUENCY_HZ = 50.0
@@ -37,16 +44,18 @@ def best_us(call, count: int, repeats: int = REPEATS) -> float:
     return 1e6 * min(times) / count
 
 
-def filterpy_us() -> float:
-    count = 300
+def filterpy_us(models: int = 1) -> float:
+    """Filterpy with ``models`` filters for each current."""
+    count = 300 if models == 1 else 50
     samples = noisy_waveforms(count)
-    filters = [KalmanFilter(dim_x=2 + c // 3, dim_z=1) for c in range(6)]
+    channels = [*range(3), *sorted([*range(3, 6)] * models)]
+    filters = [(c, KalmanFilter(dim_x=2 + c // 3, dim_z=1)) for c in channels]
 
     def run() -> None:
         for n in range(count):
             angle = 2 * np.pi * FREQUENCY_HZ * n / SAMPLING_HZ
             row = np.array([[np.cos(angle), -np.sin(angle), 1.0]])
-            for c, each in enumerate(filters):
+            for c, each in filters:
                 each.predict()
                 each.update(samples[n, c], H=row[:, : each.dim_x])
 
@@ -57,6 +66,7 @@ def main() -> None:
     samples = noisy_waveforms(COUNT)
     rows = np.empty((COUNT, ROW))
     peer = filterpy_us()
+    peers = {"kalman-bank": filterpy_us(int(estimator_parameters("kalman-bank")["models"]))}
     print(f"{'estimator':18} us/sample   filterpy / this")
     for method in estimator_methods():
         estimator = make_estimator(method, SAMPLING_HZ, FREQUENCY_HZ)
@@ -64,7 +74,7 @@ def main() -> None:
         run_estimator(estimator.step, state, samples, rows)  # compile
 
         us = best_us(lambda e=estimator, s=state: run_estimator(e.step, s, samples, rows), COUNT)
-        print(f"{method:18} {us:9.3f}   {peer / us:9.0f}")
+        print(f"{method:18} {us:9.3f}   {peers.get(method, peer) / us:9.0f}")
     print(f"{'filterpy':18} {peer:9.1f}   {1:9d}")
 
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from filterpy.kalman import KalmanFilter
 
-from faultloop.study.papers import rls
+from faultloop.study.papers import adaptive_kalman, rls
+from faultloop.study.papers import adaptive_kalman_filter as kf
+from faultloop.study.papers import adaptive_kalman_line as line
 from faultloop.study.report import Report
 
 
@@ -40,3 +43,45 @@ def test_the_paper_s_alpha_does_not_reach_the_batch_estimate_at_2n_plus_1() -> N
     paper, root = rls.deviations(96, 1, rls.WIDE, 2 * 96)
     assert paper.later > 100 * rls.EXACT
     assert max(root) < rls.EXACT
+
+
+def test_adaptive_kalman_report_and_what_the_rule_lacks() -> None:
+    """Nothing but the claim's own times may be missed; the rule as written never arrives."""
+    report = adaptive_kalman.report(quick=True)
+    assert all("km, " in what for what in missed(report))
+    assert any(check.what.startswith("eq. 10 unbiased") and check.held for check in report.checks)
+    assert all(len(row) == len(table.columns) for table in report.tables for row in table.rows)
+    assert len(report.figures) == 4
+    voltages = report.tables[0].rows
+    assert all(row[1:4] == ("never / never",) * 3 for row in voltages)
+    assert not any("never" in str(cell) for row in voltages for cell in row[4:])
+
+
+@pytest.mark.parametrize("form", [kf.DECAYING, kf.INITIAL_VALUE])
+def test_the_ordinary_filter_is_filterpys(form: str) -> None:
+    count, decay = 60, 0.97
+    z = np.random.default_rng(6).normal(size=(count, 1))
+    rule = kf.Rule(kf.KNOWN, renewed=False, spread=1.5, floor=0.1, peak=1.0)
+    found = kf.run_filter(z, rule, form, 0, 24.0, np.array([decay])).phasors[:, 0]
+    peer = KalmanFilter(dim_x=3, dim_z=1)
+    peer.P, peer.R[:], peer.Q[:] = 1.5**2 * np.eye(3), 0.01, 0.0
+    peer.F = np.diag([1.0, 1.0, decay if form == kf.DECAYING else 1.0])
+    for k in range(count):
+        peer.predict()
+        angle = 2 * np.pi * k / 24
+        last = 1.0 if form == kf.DECAYING else decay**k
+        peer.update(z[k, 0], H=np.array([[np.cos(angle), -np.sin(angle), last]]))
+        assert abs(found[k] - (peer.x[0, 0] + 1j * peer.x[1, 0])) < 1e-9
+
+
+def test_the_line_s_settled_phasors_are_a_fault_s() -> None:
+    """Three-phase: three equal phasors 120 degrees apart, and the loop measures the line to the fault."""
+    r = line.record("ABC", 160.0, 0.0)
+    volts, amperes = r.settled[:3], r.settled[3:]
+    turn = np.exp(-2j * np.pi / 3)
+    assert np.abs(volts - volts[0] * turn ** np.arange(3)).max() < 2e-3
+    assert np.abs(amperes - amperes[0] * turn ** np.arange(3)).max() < 2e-3
+    ratio = volts[0] / amperes[0]
+    # Line charging lowers the impedance that is seen by some percent; its angle is the line's.
+    assert np.angle(ratio) == pytest.approx(np.angle(line.Z1_PER_KM), abs=0.02)
+    assert 0 <= r.late_s < 1 / line.SAMPLING_HZ

@@ -42,12 +42,14 @@ def test_a_full_cycle_window_is_behind_off_the_nominal_frequency() -> None:
 
 
 def test_no_limit_is_missed_at_the_hardest_corners() -> None:
-    """Every angle at both sampling rates, the shortest and the longest offset, noise, 49 and 51 Hz."""
-    grid = cases.Grid((10.0, 16.0, 200.0), (0.01,), (49.0, 51.0))
+    """Every angle at both sampling rates, short and long offsets, both noises, 49 and 51 Hz.
+
+    The limit of the median is one over the whole grid, which these corners do not stand for.
+    """
+    grid = cases.Grid((10.0, 16.0, 200.0), (0.0, 0.01), (49.0, 51.0))
     for sampling_hz in suite.PARTS.values():
         o = cases.play(make_estimator(suite.BEST, sampling_hz, 50.0), sampling_hz, grid)
         assert o.stays_ms.max() <= suite.LIMITS["worst"]
-        assert np.median(o.stays_ms) <= suite.LIMITS["median"]
         assert o.overshoot.max() <= suite.LIMITS["overshoot"]
 
 
@@ -81,10 +83,12 @@ def test_the_bank_keeps_its_covariance_positive_and_finds_the_frequency() -> Non
 
 
 def test_a_dead_line_does_not_move_the_frequency() -> None:
-    """Noise alone on every channel, for 4 s."""
+    """Noise alone on every channel, for 4 s, after a line at 49 Hz: the frequency is held."""
     from faultloop.relay.estimators.methods import kalman_bank as bank
 
     estimator = make_estimator(suite.BEST, 4800, 50.0)
-    state = estimator.state.copy()
-    cases.advance(estimator, state, np.zeros((20_000, 6)), 0.01, np.random.default_rng(5))
-    assert abs(state[bank.TURN]) * 4800 / (2 * np.pi) < 2.0
+    for seed in range(3):
+        state, rng = estimator.state.copy(), np.random.default_rng(seed)
+        cases.advance(estimator, state, cases.load_samples(np.arange(4800) / 4800, 49.0), 0.01, rng)
+        cases.advance(estimator, state, np.zeros((20_000, 6)), 0.01, rng)
+        assert 50.0 + state[bank.TURN] * 4800 / (2 * np.pi) == pytest.approx(49.0, abs=0.1)

@@ -209,8 +209,8 @@ def _start(result: Report, quick: bool) -> None:
     paper = [row for row in rows if row[2] != f"{WIDE:.0e}"]
     first, later = (sum(row[k] <= EXACT for row in paper) for k in (3, 5))
     result.text.append(
-        f"Of alpha^2 = 1e5 .. 1e10 with eq. 2, {first} of {len(paper)} cases are within 1e-6 of the batch estimate "
-        f"at sample 2n+1, and {later} from one cycle on."
+        f"Of alpha^2 = 1e5 .. 1e10 with eq. 2, {first} of {len(paper)} cases are within 1e-6 of the batch "
+        f"estimate at sample 2n+1, and {later} from one cycle on."
     )
 
 
