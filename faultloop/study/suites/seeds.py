@@ -9,6 +9,7 @@ from typing import Any
 from faultloop.study.report import Report
 
 PARTS = {
+    "adaptive-kalman": "adaptive_kalman",  # 000
     "mstukf": "mstukf",  # 001
     "taylor-kalman": "taylor_kalman",  # 002
     "ckmc": "ckmc",  # 003

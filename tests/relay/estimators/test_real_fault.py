@@ -29,7 +29,8 @@ def bc_impedance(method, record):
     rows = np.empty((len(samples), ROW))
     run_estimator(estimator.step, estimator.state.copy(), samples, rows)
     z = rows[:, :12].copy().view(np.complex128)
-    return np.abs((z[:, 1] - z[:, 2]) / (z[:, 4] - z[:, 5])), sampling_hz
+    with np.errstate(invalid="ignore", divide="ignore"):  # nothing yet in a filter with a long delay
+        return np.abs((z[:, 1] - z[:, 2]) / (z[:, 4] - z[:, 5])), sampling_hz
 
 
 @pytest.mark.parametrize("method", sorted(set(estimator_methods()) - {"quarter-cycle"}))
