@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from faultloop.io.mcap_reader import Log, open_log
     from faultloop.relay.settings import RelaySettings, load_settings
     from faultloop.result import Result
+    from faultloop.runner import run
     from faultloop.scenario import Scenario, load_scenario
-    from faultloop.simulation import run
     from faultloop.study.replay import replay
 
 # Loaded on first use: numba and numpy take most of a second, and `faultloop --help` needs neither.
@@ -29,7 +29,7 @@ _PLACES = {
     "Result": "faultloop.result",
     "Scenario": "faultloop.scenario",
     "load_scenario": "faultloop.scenario",
-    "run": "faultloop.simulation",
+    "run": "faultloop.runner",
     "replay": "faultloop.study.replay",
 }
 

@@ -8,25 +8,19 @@ bit, as sample by sample.
 
 from __future__ import annotations
 
-import math
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from faultloop.errors import InputError, nearest
 from faultloop.io.can.table import Kind
-from faultloop.io.can.transport import Transport, open_transport
-from faultloop.nodes import FOREVER, BreakerNode, Command, RelayNode
+from faultloop.io.can.transport import Transport
+from faultloop.nodes import FOREVER, BreakerNode, Command, breaker_node, relay_node
 from faultloop.plant import Plant
-from faultloop.recording import MemorySink, Recorder, Sink, describe, open_streams
-from faultloop.relay import Relay, RelayInputs, RelaySettings, Trip, load_settings
-from faultloop.result import EventText, FaultChange, Result, TripReport, judge, pole_names
-from faultloop.scenario import RelayPlace, Scenario, load_scenario
+from faultloop.recording import Recorder
+from faultloop.relay import Relay, RelayInputs, Trip
+from faultloop.result import EventText, FaultChange, TripReport, pole_names
+from faultloop.scenario import RelayPlace, Scenario
 
 SECOND_NS = 1_000_000_000
 BLOCK = 240
@@ -67,7 +61,7 @@ class Simulation:
         self.events: list[EventText] = []
         self.commands: list[tuple[str, Command]] = []
         self._breaker_names = [b.name for b in scenario.breaker]
-        self._relay_nodes = [self._relay_node(i, place) for i, place in enumerate(scenario.relay)]
+        self._relay_nodes = [relay_node(scenario, i) for i in range(len(scenario.relay))]
         self._breaker_nodes = [self._breaker_node(i) for i in range(len(scenario.breaker))]
         self._nodes = (*self._relay_nodes, *self._breaker_nodes)
         self._senders = (*(place.name for place in scenario.relay), *self._breaker_names)
@@ -79,25 +73,13 @@ class Simulation:
 
     # -- who is on the bus ----------------------------------------------------------------------------------
 
-    def _relay_node(self, number: int, place: RelayPlace) -> RelayNode:
-        partners = [
-            i
-            for i, other in enumerate(self.scenario.relay)
-            if other.line == place.line and other.end != place.end
-        ]
-        breaker = None if place.breaker is None else self._breaker_names.index(place.breaker)
-        can = self.scenario.can
-        return RelayNode(number, breaker, partners, can.heartbeat_s, can.measurements_hz)
-
     def _breaker_node(self, number: int) -> BreakerNode:
         name = self._breaker_names[number]
-        relays = [i for i, place in enumerate(self.scenario.relay) if place.breaker == name]
 
         def report(t_ns: int, level: str, text: str) -> None:
             self._event(t_ns, name, level, text, f"/breaker/{name}/events")
 
-        closed = self.plant.closed(self._breaker_names[number])
-        return BreakerNode(number, relays, closed, self.scenario.can.heartbeat_s, report)
+        return breaker_node(self.scenario, number, self.plant.closed(name), report)
 
     # -- the clock ------------------------------------------------------------------------------------------
 
@@ -312,136 +294,3 @@ class Simulation:
             for trip in self.trips:
                 if trip.relay == relay and trip.received_ns is None:
                     trip.received_ns = command.t_ns
-
-
-def run(
-    scenario: Scenario | Path | str,
-    *,
-    log: Path | str | None = None,
-    rerun: str | None = None,
-    can: str | None = None,
-    pace: float | None = None,
-    overrides: Sequence[str] = (),
-    keep: bool | None = None,
-    sinks: Sequence[Sink] = (),
-    progress: Callable[[float], None] | None = None,
-) -> Result:
-    """Run a scenario closed-loop.
-
-    Parameters
-    ----------
-    scenario : a file, or a `Scenario`.
-    log : the MCAP log to write; none if not given.
-    rerun : ``"spawn"``, ``"serve"``, a file ``F.rrd`` or the URL of a viewer.
-    can : ``"INTERFACE:CHANNEL"`` in place of the scenario's, as in ``"socketcan:vcan0"``.
-    pace : simulated seconds per second of wall time; None: as fast as it can.
-    overrides : ``"fault.F1.at_pu=0.7"`` and the like; only with a file.
-    keep : keep samples and estimates in memory, for `Result.samples`; by default where there is no log.
-    sinks : more places to write to.
-    progress : called with the part done, 0 to 1.
-
-    Raises
-    ------
-    InputError : something in the scenario, the settings or the arguments is wrong; nothing has been written.
-    """
-    if not isinstance(scenario, Scenario):
-        scenario = load_scenario(scenario, overrides)
-    elif overrides:
-        raise InputError("overrides need the scenario's file, not a Scenario", key="overrides")
-    if pace is not None and not 0 < pace < math.inf:
-        raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
-    settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
-    _check_settings(scenario, settings)
-    relays = {name: Relay(s, name=name) for name, s in settings.items()}
-    _check_expectations(scenario, relays)
-    memory = MemorySink() if (keep if keep is not None else log is None) else None
-    recorder = Recorder([*sinks, *([memory] if memory else [])])
-    with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
-        # Everything that can be wrong is found before the first file is opened.
-        simulation = Simulation(scenario, relays, recorder, bus, pace)
-        started = time.perf_counter()
-        metadata, attachments = describe(scenario, settings, overrides)
-        start_ns = scenario.scenario.start_ns
-        streams = open_streams(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
-        recorder.sinks += streams.sinks
-        try:
-            with _interruptible(simulation):
-                simulation.run(progress)
-        except InputError:  # a user's element or bus: nothing half-made stays behind
-            recorder.abort()
-            if streams.log is not None:
-                streams.log.part.unlink(missing_ok=True)
-            raise
-        except BaseException:
-            recorder.abort()
-            raise
-        recorder.close()
-        wall_s = time.perf_counter() - started
-        load = bus.load(simulation.simulated_ns)
-    fault_ns = next((change.t_ns for change in simulation.faults if change.on), None)
-    return Result(
-        scenario=scenario,
-        trips=simulation.trips,
-        faults=simulation.faults,
-        events=sorted(simulation.events, key=lambda event: event.t_ns),
-        expectations=[judge(expect, simulation.trips, fault_ns) for expect in scenario.expect],
-        log=None if log is None else Path(log),
-        simulated_s=simulation.simulated_ns / 1e9,
-        wall_s=wall_s,
-        can_frames=simulation.can_frames,
-        bus_load=load,
-        fault_locations={place.name: relays[place.name].fault_location for place in scenario.relay},
-        interrupted=simulation.interrupted,
-        memory=memory,
-        rerun=streams.rerun,
-    )
-
-
-def _check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
-    """What scenario and settings must agree on."""
-    for place in scenario.relay:
-        own = settings[place.name].relay
-        for key, wanted in (
-            ("sampling_hz", scenario.system.sampling_hz),
-            ("frequency_hz", scenario.system.frequency_hz),
-        ):
-            got = getattr(own, key)
-            if got != wanted:
-                raise InputError(
-                    f"is {got} for relay '{place.name}', but the scenario's [system] has {wanted}",
-                    file=scenario.settings_path(place),
-                    key=f"relay.{key}",
-                )
-
-
-def _check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
-    """The functions that are expected to trip exist."""
-    for number, expect in enumerate(scenario.expect):
-        functions = [name for name in relays[expect.relay].bits if "." not in name and name != "PTRC1"]
-        if expect.function is not None and expect.function not in functions:
-            raise InputError(
-                f"relay '{expect.relay}' has no function '{expect.function}';"
-                f" {nearest(expect.function, functions)}",
-                file=scenario.path,
-                key=f"expect[{number}].function",
-            )
-
-
-@contextmanager
-def _interruptible(simulation: Simulation) -> Iterator[None]:
-    """Ctrl-C and a termination signal end the run at the next block, so that the log is closed whole."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        if simulation.interrupted:
-            raise KeyboardInterrupt
-        simulation.interrupted = True
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

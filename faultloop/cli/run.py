@@ -32,8 +32,8 @@ def command(
     from faultloop.cli.output import announce_compilation, print_json, progress_bar, serve
     from faultloop.cli.report import print_result, result_as_dict
     from faultloop.errors import InputError
+    from faultloop.runner import run
     from faultloop.scenario import load_scenario
-    from faultloop.simulation import run
 
     if realtime and pace is not None:
         raise InputError("give either --realtime (which is --pace 1) or --pace X", key="--pace")

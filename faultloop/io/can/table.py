@@ -14,6 +14,7 @@ RELAYS = 16
 BREAKERS = 16
 PLANT_NODE = RELAYS + BREAKERS  # heartbeat numbers: relays, then breakers, then the plant
 NODES = PLANT_NODE + 1
+OPERATIONAL = 5  # a heartbeat's state, as CANopen has it
 
 TICK_NS = 10_000  # the unit of every `time` signal: 10 us, so a u32 wraps after 11.9 hours
 CURRENT_LSB = 1e-3  # A  and

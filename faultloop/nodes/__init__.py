@@ -1,0 +1,12 @@
+"""The nodes on the bus, each with nothing but frames and its own clock.
+
+A node takes frames (`receive`) and gives frames (`poll`, due at `next_ns`); it shares no memory with the
+other nodes, and it does not know whether the bus is simulated or real.
+"""
+
+from faultloop.nodes.breaker import BreakerNode, Command, Report
+from faultloop.nodes.clock import FOREVER
+from faultloop.nodes.relay import RelayNode
+from faultloop.nodes.roster import breaker_node, relay_node
+
+__all__ = ["FOREVER", "BreakerNode", "Command", "RelayNode", "Report", "breaker_node", "relay_node"]
