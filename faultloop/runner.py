@@ -26,6 +26,7 @@ def run(
     rerun: str | None = None,
     can: str | None = None,
     pace: float | None = None,
+    without: Sequence[str] = (),
     overrides: Sequence[str] = (),
     keep: bool | None = None,
     sinks: Sequence[Sink] = (),
@@ -40,6 +41,8 @@ def run(
     rerun : ``"spawn"``, ``"serve"``, a file ``F.rrd`` or the URL of a viewer.
     can : ``"INTERFACE:CHANNEL"`` in place of the scenario's, as in ``"socketcan:vcan0"``.
     pace : simulated seconds per second of wall time; None: as fast as it can.
+    without : names of breakers that are not simulated: a device of your own on the bus takes their place.
+        The plant follows the position that it publishes; give `pace`, or nobody waits for it.
     overrides : ``"fault.F1.at_pu=0.7"`` and the like; only with a file.
     keep : keep samples and estimates in memory, for `Result.samples`; by default where there is no log.
     sinks : more places to write to.
@@ -63,7 +66,7 @@ def run(
     recorder = Recorder([*sinks, *([memory] if memory else [])])
     with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
         # Everything that can be wrong is found before the first file is opened.
-        simulation = Simulation(scenario, relays, recorder, bus, pace)
+        simulation = Simulation(scenario, relays, recorder, bus, pace, without)
         started = time.perf_counter()
         metadata, attachments = describe(scenario, settings, overrides)
         start_ns = scenario.scenario.start_ns

@@ -9,13 +9,25 @@ bit, as sample by sample.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import numpy as np
 
+from faultloop.errors import InputError, nearest
+from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport
-from faultloop.nodes import FOREVER, BreakerNode, Command, breaker_node, relay_node
+from faultloop.nodes import (
+    FOREVER,
+    BreakerFollower,
+    BreakerNode,
+    Command,
+    Movement,
+    Report,
+    breaker_node,
+    relay_node,
+    with_followed_breakers,
+)
 from faultloop.plant import Plant
 from faultloop.recording import Recorder
 from faultloop.relay import Relay, RelayInputs, Trip
@@ -39,6 +51,8 @@ class Simulation:
     recorder : gets everything.
     bus : carries the frames.
     pace : simulated seconds per second of wall time; None runs as fast as it can.
+    without : breakers that are not simulated: the plant follows the status that somebody else on the bus
+        publishes for them.
     """
 
     def __init__(
@@ -48,9 +62,11 @@ class Simulation:
         recorder: Recorder,
         bus: Transport,
         pace: float | None = None,
+        without: Collection[str] = (),
     ) -> None:
         self.scenario = scenario
-        self.plant = Plant(scenario)
+        left_out = _breakers_left_out(scenario, without)
+        self.plant = Plant(with_followed_breakers(scenario, left_out))
         self.relays = [relays[place.name] for place in scenario.relay]
         self.recorder = recorder
         self.bus = bus
@@ -62,9 +78,14 @@ class Simulation:
         self.commands: list[tuple[str, Command]] = []
         self._breaker_names = [b.name for b in scenario.breaker]
         self._relay_nodes = [relay_node(scenario, i) for i in range(len(scenario.relay))]
-        self._breaker_nodes = [self._breaker_node(i) for i in range(len(scenario.breaker))]
-        self._nodes = (*self._relay_nodes, *self._breaker_nodes)
-        self._senders = (*(place.name for place in scenario.relay), *self._breaker_names)
+        numbers = range(len(scenario.breaker))
+        self._breaker_nodes = {
+            i: self._breaker_node(i) for i in numbers if self._breaker_names[i] not in left_out
+        }
+        self._followers = {i: self._follower(i) for i in numbers if self._breaker_names[i] in left_out}
+        self._nodes = (*self._relay_nodes, *self._breaker_nodes.values())
+        own = [self._breaker_names[i] for i in self._breaker_nodes]
+        self._senders = (*(place.name for place in scenario.relay), *own)
         self.can_frames = 0
         self.interrupted = False
         self._pace = pace
@@ -75,11 +96,18 @@ class Simulation:
 
     def _breaker_node(self, number: int) -> BreakerNode:
         name = self._breaker_names[number]
+        return breaker_node(self.scenario, number, self.plant.closed(name), self._reports_of(name))
 
+    def _follower(self, number: int) -> BreakerFollower:
+        name = self._breaker_names[number]
+        heartbeat_s = self.scenario.can.heartbeat_s
+        return BreakerFollower(number, self.plant.closed(name), heartbeat_s, self._reports_of(name))
+
+    def _reports_of(self, name: str) -> Report:
         def report(t_ns: int, level: str, text: str) -> None:
             self._event(t_ns, name, level, text, f"/breaker/{name}/events")
 
-        return breaker_node(self.scenario, number, self.plant.closed(name), report)
+        return report
 
     # -- the clock ------------------------------------------------------------------------------------------
 
@@ -122,8 +150,8 @@ class Simulation:
             relay.warm_up(before[:, i])
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
-        for number in range(len(self._breaker_nodes)):
-            self._record_breaker(0, number, self.plant.closed(self._breaker_names[number]), "")
+        for number, name in enumerate(self._breaker_names):
+            self._record_breaker(0, number, self.plant.closed(name), "")
         self._record_relays(0)
 
     def _next_ns(self) -> int:
@@ -185,7 +213,8 @@ class Simulation:
         for change in self.plant.changes:
             if change.kind == "pole":
                 self._record_breaker(change.t_ns, change.index, change.value, "")
-                self._breaker_nodes[change.index].set(t_ns, change.value)
+                if change.index in self._breaker_nodes:
+                    self._breaker_nodes[change.index].set(t_ns, change.value)
                 self._note_opening(change.index, change.t_ns, change.value)
             else:
                 fault = self.scenario.fault[change.index]
@@ -277,10 +306,12 @@ class Simulation:
             for node, relay in zip(self._relay_nodes, self.relays, strict=True):
                 if node.receive(t_ns, frame):
                     relay.inputs = RelayInputs(node.breaker_closed, node.pilot_received)
-            for number, node in enumerate(self._breaker_nodes):
+            for number, node in self._breaker_nodes.items():
                 command = node.receive(t_ns, frame)
                 if command is not None:
                     self._obey(number, command)
+            if self._followers:
+                self._follow(t_ns, frame)
 
     def _obey(self, number: int, command: Command) -> None:
         """A breaker acts on an accepted command; this is the time that a trip's report states."""
@@ -291,6 +322,42 @@ class Simulation:
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
         self._event(command.t_ns, name, "info", text, f"/breaker/{name}/events")
         if command.operation == "open":
-            for trip in self.trips:
-                if trip.relay == relay and trip.received_ns is None:
-                    trip.received_ns = command.t_ns
+            self._note_received(relay, command.t_ns)
+
+    def _note_received(self, relay: str, t_ns: int) -> None:
+        for trip in self.trips:
+            if trip.relay == relay and trip.received_ns is None:
+                trip.received_ns = t_ns
+
+    # -- breakers that are somebody else's ------------------------------------------------------------------
+
+    def _follow(self, t_ns: int, frame: Frame) -> None:
+        """Their status moves the plant; a trip for one of them is received when its frame is."""
+        for number, follower in self._followers.items():
+            for movement in follower.receive(t_ns, frame):
+                self._move(t_ns, number, movement)
+        message = decode(frame) if frame.id & ~0xF == Kind.TRIP else None
+        if isinstance(message, State) and message.poles:
+            place = next(iter(self.scenario.relay[message.number : message.number + 1]), None)
+            if place is not None and place.breaker in [self._breaker_names[i] for i in self._followers]:
+                self._note_received(place.name, t_ns)
+
+    def _move(self, t_ns: int, number: int, movement: Movement) -> None:
+        name = self._breaker_names[number]
+        self.plant.command(name, movement.operation, movement.poles, t_ns)
+        text = f"status {movement.operation}, poles {pole_names(movement.poles)}"
+        self._event(t_ns, name, "info", text, f"/breaker/{name}/events")
+
+
+def _breakers_left_out(scenario: Scenario, without: Collection[str]) -> frozenset[str]:
+    breakers = [breaker.name for breaker in scenario.breaker]
+    for name in without:
+        if name in breakers:
+            continue
+        if any(name == place.name for place in scenario.relay):
+            raise InputError(
+                f"'{name}' is a relay; what can be left out here are the breakers: {', '.join(breakers)}",
+                key="--without",
+            )
+        raise InputError(f"there is no breaker '{name}': {nearest(name, breakers)}", key="--without")
+    return frozenset(without)

@@ -23,6 +23,10 @@ def command(
     pace: Annotated[
         float | None, typer.Option(metavar="X", help="Simulated seconds in one second of wall time.")
     ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option("--without", metavar="NAME", help="Leave this breaker to a device of your own."),
+    ] = None,
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override: fault.F1.at_pu=0.7.")
     ] = None,
@@ -47,6 +51,7 @@ def command(
             rerun=rerun,
             can=can,
             pace=1.0 if realtime else pace,
+            without=without or [],
             progress=progress,
         )
     if json:

@@ -6,7 +6,19 @@ other nodes, and it does not know whether the bus is simulated or real.
 
 from faultloop.nodes.breaker import BreakerNode, Command, Report
 from faultloop.nodes.clock import FOREVER
+from faultloop.nodes.follower import BreakerFollower, Movement, with_followed_breakers
 from faultloop.nodes.relay import RelayNode
 from faultloop.nodes.roster import breaker_node, relay_node
 
-__all__ = ["FOREVER", "BreakerNode", "Command", "RelayNode", "Report", "breaker_node", "relay_node"]
+__all__ = [
+    "FOREVER",
+    "BreakerFollower",
+    "BreakerNode",
+    "Command",
+    "Movement",
+    "RelayNode",
+    "Report",
+    "breaker_node",
+    "relay_node",
+    "with_followed_breakers",
+]

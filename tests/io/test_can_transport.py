@@ -52,10 +52,10 @@ def test_others_see_every_frame_with_its_simulated_time(channel):
 
 def test_frames_of_others_go_through_the_model(channel):
     with open_transport(settings(channel=channel)) as bus, open_bus(channel=channel) as other:
-        bus.advance(5_000_000)
         other.send(can.Message(arbitration_id=0x20, data=b"\x01\x02", is_extended_id=False))
         other.send(can.Message(arbitration_id=0x20, is_remote_frame=True, is_extended_id=False))
         other.send(can.Message(arbitration_id=0x20, is_fd=True, data=bytes(12), is_extended_id=False))
+        assert bus.advance(5_000_000) == []  # what is found now cannot have arrived before now
         (delivery,) = bus.advance(10_000_000)
         assert delivery.frame == Frame(0x20, b"\x01\x02") and delivery.sender == "external"
         model = SimulatedBus()

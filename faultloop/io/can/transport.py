@@ -134,14 +134,16 @@ class Transport:
         return self.model.pending()
 
     def advance(self, until_ns: int) -> list[Delivery]:
-        """Let time pass, for good: what was received up to `until_ns` has been shown to the others, too."""
-        if self.bus is not None:
-            self._take_in(self.bus)
+        """Let time pass, for good: what was received up to `until_ns` has been shown to the others, too.
+
+        Frames of others that are found now are offered at `until_ns`: before it is past.
+        """
         received = self.model.advance(until_ns)
         if self.bus is not None:
             for delivery in received:
                 if delivery.sender != EXTERNAL:
                     self._show(self.bus, delivery)
+            self._take_in(self.bus)
         return received
 
     def load(self, duration_ns: int) -> float:

@@ -1,0 +1,63 @@
+"""What the plant hears of a breaker that is a device of somebody else's."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+from faultloop.io.can.frames import Frame, Rejection, State, decode
+from faultloop.io.can.goose import Repetition, Subscriber
+from faultloop.io.can.table import Kind
+from faultloop.nodes.breaker import Report
+from faultloop.scenario import Scenario
+
+
+class Movement(NamedTuple):
+    """Poles that a breaker says have opened or closed."""
+
+    operation: Literal["open", "close"]
+    poles: int
+
+
+class BreakerFollower:
+    """Turns the accepted states of one breaker's BREAKER_STATUS into what its poles did.
+
+    Parameters
+    ----------
+    number : of the breaker, 0 to 15.
+    closed : mask of closed poles at the start.
+    heartbeat_s : its longest interval of repetition.
+    report : told of every frame that is refused, and why.
+    """
+
+    def __init__(self, number: int, closed: int, heartbeat_s: float, report: Report) -> None:
+        self.identifier = Kind.BREAKER_STATUS + number
+        self.closed = closed
+        self.status = Subscriber(Repetition(heartbeat_ns=round(heartbeat_s * 1e9)))
+        self._report = report
+
+    def receive(self, t_ns: int, frame: Frame) -> list[Movement]:
+        """Take a frame; what the poles did, once for each state."""
+        if frame.id != self.identifier:
+            return []
+        message = decode(frame)
+        taken = self.status.receive(message, t_ns) if isinstance(message, State) else message
+        if isinstance(taken, Rejection):
+            self._report(t_ns, "warning", f"frame {frame.id:#05x} refused: {taken.value}")
+        if taken is not True or not isinstance(message, State):
+            return []
+        moved = self.closed ^ message.poles
+        self.closed = message.poles
+        both = (Movement("open", moved & ~message.poles), Movement("close", moved & message.poles))
+        return [movement for movement in both if movement.poles]
+
+
+def with_followed_breakers(scenario: Scenario, names: frozenset[str]) -> Scenario:
+    """The scenario for the plant: a followed breaker has its own delay, and the plant adds none.
+
+    Its pole opens at the first current zero after the status that says so, and closes at once.
+    """
+    breakers = [
+        b.model_copy(update={"operate_ms": 0.0, "close_ms": 0.0}) if b.name in names else b
+        for b in scenario.breaker
+    ]
+    return scenario.model_copy(update={"breaker": tuple(breakers)})
