@@ -21,12 +21,12 @@ from faultloop.io.messages import (
     array_dtype,
     values,
 )
-from faultloop.relay import RelaySettings
 from faultloop.scenario import Scenario
 
 if TYPE_CHECKING:
     from faultloop.io.mcap_writer import LogWriter
     from faultloop.io.rerun_sink import RerunSink
+    from faultloop.relay import RelaySettings
 
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
 

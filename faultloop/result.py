@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from faultloop.io.messages import POLES
+from faultloop.pacing import Pacing
 from faultloop.recording import MemorySink
 from faultloop.scenario import Expect, Scenario
 
@@ -86,6 +87,8 @@ class Result:
     fault_locations : by relay, per unit of the line, NaN where none was found.
     rerun : the stream to rerun, if there is one; `serve` goes on until its `wait` ends.
     interrupted : ended by Ctrl-C before its time; the log is whole.
+    pacing : how well time was kept, None in a run that was not paced.
+    died : of a run as processes, the nodes that ended before it did.
     """
 
     scenario: Scenario
@@ -100,6 +103,8 @@ class Result:
     bus_load: float | None
     fault_locations: dict[str, float]
     interrupted: bool = False
+    pacing: Pacing | None = None
+    died: tuple[str, ...] = ()
     memory: MemorySink | None = field(default=None, repr=False)
     rerun: RerunSink | None = field(default=None, repr=False)
 

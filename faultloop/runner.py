@@ -59,9 +59,9 @@ def run(
     if pace is not None and not 0 < pace < math.inf:
         raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
     settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
-    _check_settings(scenario, settings)
+    check_settings(scenario, settings)
     relays = {name: Relay(s, name=name) for name, s in settings.items()}
-    _check_expectations(scenario, relays)
+    check_expectations(scenario, relays)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
     recorder = Recorder([*sinks, *([memory] if memory else [])])
     with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
@@ -105,7 +105,7 @@ def run(
     )
 
 
-def _check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
+def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
     """What scenario and settings must agree on."""
     for place in scenario.relay:
         own = settings[place.name].relay
@@ -122,7 +122,7 @@ def _check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -
                 )
 
 
-def _check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
+def check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
     """The functions that are expected to trip exist."""
     for number, expect in enumerate(scenario.expect):
         functions = [name for name in relays[expect.relay].bits if "." not in name and name != "PTRC1"]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import typer
 
-from faultloop.cli import diff, export, recover, replay, review, run, suite
+from faultloop.cli import diff, export, monitor, node, recover, replay, review, run, suite
 from faultloop.errors import InputError
 
 app = typer.Typer(
@@ -22,7 +22,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (run, replay, review, export, diff, recover, suite):
+for command in (run, node, monitor, replay, review, export, diff, recover, suite):
     app.command(name=command.__name__.rpartition(".")[2])(command.command)
 
 

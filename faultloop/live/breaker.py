@@ -1,0 +1,96 @@
+"""The process of a breaker: accepts commands, moves after its time, publishes its position."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from faultloop.io.can.frames import Frame
+from faultloop.io.can.table import Kind
+from faultloop.nodes import FOREVER, Command, breaker_node
+from faultloop.recording import Recorder
+from faultloop.result import pole_names
+from faultloop.scenario import Scenario
+
+
+def identifiers(scenario: Scenario, number: int) -> list[int]:
+    """What a breaker listens to: the trip and close frames of its relays."""
+    name = scenario.breaker[number].name
+    relays = [i for i, place in enumerate(scenario.relay) if place.breaker == name]
+    return [kind + i for kind in (Kind.TRIP, Kind.CLOSE) for i in relays]
+
+
+class Motion(NamedTuple):
+    """Contacts under way."""
+
+    at_ns: int
+    operation: str
+    poles: int
+
+
+class BreakerProcess:
+    """A breaker whose contacts part `operate_ms` after the command, and make `close_ms` after it.
+
+    Parameters
+    ----------
+    number : of the breaker in the scenario.
+    closed : mask of closed poles as its contacts are: a process that begins anew does not move them.
+    """
+
+    def __init__(self, scenario: Scenario, number: int, closed: int = 7) -> None:
+        self.breaker = scenario.breaker[number]
+        self.name = self.breaker.name
+        self.scenario = scenario
+        self.closed = closed
+        self.node = breaker_node(scenario, number, closed, self._report)
+        self._motions: list[Motion] = []
+        self._recorder = Recorder([])
+        self._end_ns = round(scenario.scenario.duration_s * 1e9)
+
+    def begin(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+
+    @property
+    def next_ns(self) -> int:
+        return min(self.node.next_ns, min((motion.at_ns for motion in self._motions), default=FOREVER))
+
+    def poll(self, t_ns: int) -> list[Frame]:
+        due = sorted(motion for motion in self._motions if motion.at_ns <= t_ns)
+        self._motions = [motion for motion in self._motions if motion.at_ns > t_ns]
+        for motion in due:
+            opens = motion.operation == "open"
+            self.closed = self.closed & ~motion.poles if opens else self.closed | motion.poles
+            self.node.set(t_ns, self.closed)
+        return self.node.poll(t_ns)
+
+    def receive(self, t_ns: int, frames: Sequence[tuple[int, Frame]]) -> None:
+        for at_ns, frame in frames:
+            command = self.node.receive(at_ns, frame)
+            if command is not None:
+                self._obey(command)
+
+    def _obey(self, command: Command) -> None:
+        opens = command.operation == "open"
+        delay_ms = self.breaker.operate_ms if opens else self.breaker.close_ms
+        if opens:  # an open cancels a close that has not come to its end, as in the plant
+            self._motions = [
+                m if m.operation == "open" else m._replace(poles=m.poles & ~command.poles)
+                for m in self._motions
+            ]
+        self._motions.append(Motion(command.t_ns + round(delay_ms * 1e6), command.operation, command.poles))
+        poles = {f"pole_{pole}": bool(self.closed >> bit & 1) for bit, pole in enumerate("abc")}
+        self._recorder.message(
+            f"/breaker/{self.name}", command.t_ns, "BreakerStatus", command=command.operation, **poles
+        )
+        relay = self.scenario.relay[command.relay].name
+        text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
+        self._report(command.t_ns, "info", text)
+
+    def done(self, t_ns: int) -> bool:
+        return t_ns >= self._end_ns
+
+    def statistics(self, pace: float) -> dict[str, Any]:
+        return {"rejected": self.node.rejected}
+
+    def _report(self, t_ns: int, level: str, text: str) -> None:
+        self._recorder.event(f"/breaker/{self.name}/events", t_ns, level, text, self.name)

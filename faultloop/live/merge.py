@@ -1,0 +1,112 @@
+"""The logs of several processes as one, in order of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from faultloop.errors import InputError
+from faultloop.io.mcap_reader import Log, open_log
+from faultloop.io.mcap_writer import CHUNK_NS, LogWriter
+from faultloop.io.messages import SAMPLED, message_of, values
+from faultloop.io.recover import recover_log
+from faultloop.recording import Attachments, Metadata
+
+SLICE_NS = CHUNK_NS
+
+
+def merge(
+    logs: Sequence[Path], out: Path, start_ns: int, metadata: Metadata, attachments: Attachments
+) -> list[str]:
+    """Write `out` with everything that is in `logs`; returns a line for each that had to be recovered.
+
+    A log that a killed process left as ``F.mcap.part`` is recovered first; what is not there is left out.
+    """
+    opened, notes = [], []
+    for path in logs:
+        found, note = _opened(path)
+        opened += [] if found is None else [found]
+        notes += [] if note is None else [note]
+    with LogWriter(out, start_ns, metadata, attachments) as writer:
+        _write(opened, writer, start_ns)
+    return notes
+
+
+def _opened(path: Path) -> tuple[Log | None, str | None]:
+    part = path.with_name(path.name + ".part")
+    if path.exists():
+        return open_log(path), None
+    if not part.exists():
+        return None, f"{path.stem} left no log"
+    try:
+        recovered = recover_log(part, path)
+    except InputError as error:
+        return None, f"{path.stem}'s log cannot be recovered: {error.what}"
+    return open_log(path), f"{path.stem}'s log recovered: {sum(recovered.messages.values())} messages"
+
+
+def _write(logs: Sequence[Log], writer: LogWriter, start_ns: int) -> None:
+    rare: list[tuple[int, str, str, Mapping[str, object]]] = []
+    rows: dict[str, list[tuple[np.ndarray, ...]]] = {}
+    for log in logs:
+        shift = log.start_ns - start_ns
+        for topic in log.topics:
+            message = message_of(topic)
+            if message is None or message in SAMPLED:
+                continue
+            names = [field.name for field in message.fields]
+            for t_ns, *entry in log.array(topic).tolist():
+                rare.append((t_ns + shift, topic, message.name, dict(zip(names, entry, strict=True))))
+        for relay in log.relays:
+            if relay not in rows:
+                writer.add_relay(relay, _bare_bits(log, relay), log.characteristics(relay))
+            rows.setdefault(relay, []).append(_columns(log, relay, shift))
+    rare.sort(key=lambda entry: entry[0])
+    whole = {relay: _joined(parts) for relay, parts in rows.items()}
+    ends = [columns[0][-1] for columns in whole.values() if len(columns[0])] + [e[0] for e in rare[-1:]]
+    last_ns, k = max((int(end) for end in ends), default=-1), 0
+    for until in range(SLICE_NS, last_ns + SLICE_NS + 1, SLICE_NS):
+        for relay, columns in whole.items():
+            a, b = np.searchsorted(columns[0], (until - SLICE_NS, until))
+            if b > a:
+                writer.relay_block(relay, *(column[a:b] for column in columns))
+        while k < len(rare) and rare[k][0] < until:
+            t_ns, topic, name, fields = rare[k]
+            writer.message(topic, max(t_ns, 0), name, **fields)
+            k += 1
+
+
+def _bare_bits(log: Log, relay: str) -> list[str]:
+    """The bits as a relay names them, without what says pickup or operate."""
+    names = log.bits(relay)
+    return [
+        pickup.removesuffix(".Str") if operate else pickup
+        for pickup, operate in zip(names["pickup"], names["operate"], strict=True)
+    ]
+
+
+def _columns(log: Log, relay: str, shift: int) -> tuple[np.ndarray, ...]:
+    samples, phasors, loops, elements = (
+        log.samples(relay),
+        log.phasors(relay),
+        log.loops(relay),
+        log.elements(relay),
+    )
+    n = min(len(a) for a in (samples, phasors, loops, elements))
+    return (
+        samples["t_ns"][:n] + shift,
+        samples["sample_count"][:n],
+        values(samples)[:n, -6:],
+        values(phasors)[:n],
+        values(loops)[:n],
+        elements["pickup"][:n],
+        elements["operate"][:n],
+    )
+
+
+def _joined(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:
+    columns = tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(columns[0], kind="stable")
+    return columns if (np.diff(order) == 1).all() else tuple(column[order] for column in columns)

@@ -1,0 +1,89 @@
+"""A node from the command line to its end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from faultloop.errors import InputError, nearest
+from faultloop.io.can.table import PLANT_NODE, Kind
+from faultloop.live.link import open_link
+from faultloop.live.process import Node, run_node
+from faultloop.recording import check_log_path, versions
+from faultloop.scenario import Scenario, load_scenario
+
+Role = Literal["plant", "relay", "breaker"]
+TIME = Kind.HEARTBEAT + PLANT_NODE
+
+
+def check_pace(pace: float) -> None:
+    """InputError unless it can be a pace."""
+    if not 0 < pace < math.inf:
+        raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
+
+
+def bus_of(scenario: Scenario, can: str | None) -> str:
+    """``INTERFACE:CHANNEL``: as asked for, or the scenario's own."""
+    return can if can is not None else f"{scenario.can.interface}:{scenario.can.channel}"
+
+
+def number_of(scenario: Scenario, role: Role, name: str | None) -> int:
+    """A relay's or breaker's number; InputError where the scenario has none of the name."""
+    if role == "plant":
+        if name is not None:
+            raise InputError(f"there is one plant, without a name; '{name}' is not needed", key="NAME")
+        return 0
+    names = [item.name for item in (scenario.relay if role == "relay" else scenario.breaker)]
+    if name is None:
+        raise InputError(f"say which {role}: {', '.join(names) or 'the scenario has none'}", key="NAME")
+    if name not in names:
+        raise InputError(
+            f"there is no {role} '{name}'; {nearest(name, names)}", file=scenario.path, key="NAME"
+        )
+    return names.index(name)
+
+
+def make_node(scenario: Scenario, role: Role, number: int, closed: int = 7) -> tuple[Node, list[int]]:
+    """The node, and the identifiers that it listens to."""
+    # A process loads what it needs: a breaker has no use for the kernels of plant and relay.
+    if role == "plant":
+        from faultloop.live import plant
+
+        return plant.PlantProcess(scenario), plant.identifiers(scenario)
+    if role == "relay":
+        from faultloop.live import relay
+
+        return relay.RelayProcess(scenario, number), relay.identifiers(scenario, number)
+    from faultloop.live import breaker
+
+    return breaker.BreakerProcess(scenario, number, closed), breaker.identifiers(scenario, number)
+
+
+def run_role(
+    role: Role,
+    scenario: Path,
+    name: str | None,
+    *,
+    can: str | None,
+    pace: float,
+    log: Path | None,
+    overrides: Sequence[str],
+    closed: int,
+    supervised: bool,
+) -> bool:
+    """Run one node until the scenario's end; False if it was told to stop before."""
+    checked = load_scenario(scenario, overrides)
+    check_pace(pace)
+    number = number_of(checked, role, name)
+    if log is not None:
+        check_log_path(log)
+    # The bus first: it is wrong more often than the rest, and found at once.
+    open_link(bus_of(checked, can), fd=True).close()
+    node, wanted = make_node(checked, role, number, closed)
+    link = open_link(bus_of(checked, can), fd=True, identifiers=[*wanted, TIME])
+    metadata = {"node": {"role": role, "name": node.name, "pace": f"{pace:g}"}, "versions": versions()}
+    return run_node(
+        node, link, pace, log=log, supervised=supervised, metadata=metadata, leads=role == "plant"
+    )

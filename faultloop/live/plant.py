@@ -1,0 +1,104 @@
+"""The process of the plant."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import gcd
+from typing import Any
+
+from faultloop.io.can.frames import Frame
+from faultloop.io.can.table import Kind
+from faultloop.nodes.plant import SECOND_NS, PlantNode
+from faultloop.pacing import Deadlines, Percentiles
+from faultloop.recording import Recorder
+from faultloop.scenario import Scenario
+
+EVENTS = "/plant/events"
+
+
+def identifiers(scenario: Scenario) -> list[int]:
+    """What the plant listens to: the breakers' positions."""
+    return [Kind.BREAKER_STATUS + i for i in range(len(scenario.breaker))]
+
+
+class PlantProcess:
+    """Publishes the samples at their times; logs poles and faults, the truth.
+
+    A plant that begins in a run that has begun takes part from a whole cycle on: there the waves of
+    every source whose frequency is the system's are where they were at time zero.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.name = "plant"
+        self.scenario = scenario
+        self.node = PlantNode(scenario, 0, self._report, self._changed)
+        self._recorder = Recorder([])
+        self._deadlines = Deadlines(SECOND_NS // scenario.system.sampling_hz)
+        self._cycle = scenario.system.sampling_hz // gcd(
+            scenario.system.sampling_hz, scenario.system.frequency_hz
+        )
+
+    def begin(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        for note in self.node.plant.notes:
+            recorder.event(EVENTS, 0, "info", note, "plant")
+        for number, breaker in enumerate(self.scenario.breaker):
+            self._record_poles(0, number, self.node.plant.closed(breaker.name))
+
+    @property
+    def next_ns(self) -> int:
+        return self.node.next_ns
+
+    def poll(self, t_ns: int) -> list[Frame]:
+        node = self.node
+        if t_ns - node.sample_ns(node.sample_count) > SECOND_NS and node.sample_count == node.first_sample:
+            self._join(t_ns)
+            return []
+        before = node.sample_count
+        frames = node.poll(t_ns)
+        for count in range(before, node.sample_count):
+            self._deadlines.note(node.sample_ns(count), t_ns)
+        return frames
+
+    def _join(self, t_ns: int) -> None:
+        """Begin at the next whole cycle that leaves time to build the network anew."""
+        hz = self.scenario.system.sampling_hz
+        soon = (t_ns + SECOND_NS // 4) * hz // SECOND_NS
+        first = -(-soon // self._cycle) * self._cycle
+        self.node = PlantNode(self.scenario, first, self._report, self._changed)
+        at_ns = self.node.sample_ns(first)
+        self._recorder.event(EVENTS, at_ns, "warning", f"joins at sample {first}", "plant")
+
+    def receive(self, t_ns: int, frames: list[tuple[int, Frame]]) -> None:
+        for at_ns, frame in frames:
+            self.node.receive(at_ns, frame)
+
+    def done(self, t_ns: int) -> bool:
+        return self.node.done
+
+    def statistics(self, pace: float) -> dict[str, Any]:
+        late = self._deadlines
+        return {
+            "samples": len(late.late_ns),
+            "deadlines_missed": late.missed,
+            "jitter_ms": asdict(Percentiles.of(late.late_ns, pace)),
+        }
+
+    def _report(self, t_ns: int, level: str, text: str) -> None:
+        self._recorder.event(EVENTS, t_ns, level, text, "plant")
+
+    def _changed(self, t_ns: int, kind: str, number: int, value: int) -> None:
+        if kind == "pole":
+            self._record_poles(t_ns, number, value)
+            return
+        fault = self.scenario.fault[number]
+        self._recorder.message(
+            "/plant/faults", t_ns, "FaultState", fault=number, on=bool(value), type=fault.type
+        )
+        text = f"fault {fault.name} {fault.type} {'applied' if value else 'gone'}"
+        self._recorder.event(EVENTS, t_ns, "info", text, "plant")
+
+    def _record_poles(self, t_ns: int, number: int, closed: int) -> None:
+        poles = {f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")}
+        name = self.scenario.breaker[number].name
+        self._recorder.message(f"/breaker/{name}", t_ns, "BreakerStatus", command="", **poles)

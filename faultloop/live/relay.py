@@ -1,0 +1,173 @@
+"""The process of a relay: samples in, trips out."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import gcd
+from typing import Any
+
+import numpy as np
+
+from faultloop.io.can.frames import Frame
+from faultloop.io.can.table import Kind
+from faultloop.live.stream import SampleStream, quantised
+from faultloop.nodes import FOREVER, relay_node
+from faultloop.pacing import Percentiles
+from faultloop.plant import Plant
+from faultloop.recording import Recorder
+from faultloop.relay import Relay, RelayInputs, Trip, load_settings
+from faultloop.scenario import Scenario
+
+SECOND_NS = 1_000_000_000
+SILENT_NS = 20_000_000
+"""Without a sample for so long, the relay says that it measures nothing."""
+
+
+def identifiers(scenario: Scenario, number: int) -> list[int]:
+    """What a relay listens to: its samples, its breaker's position, pilot signals of its partners."""
+    node = relay_node(scenario, number)
+    breaker = [] if node.breaker is None else [Kind.BREAKER_STATUS + node.breaker]
+    return [Kind.SAMPLED_VALUES + number, *breaker, *(Kind.PILOT + i for i in node.pilots)]
+
+
+class RelayProcess:
+    """A relay on the bus.
+
+    It is in service before time zero, as in the simulation, if it takes part from sample 0 on: it has then
+    run over a second of the plant's steady state.  One that joins later starts with empty filters and is
+    blind until they are settled; so does one whose samples broke off.
+    """
+
+    def __init__(self, scenario: Scenario, number: int) -> None:
+        self.place = scenario.relay[number]
+        self.name = self.place.name
+        self.node = relay_node(scenario, number)
+        settings = load_settings(scenario.settings_path(self.place))
+        self.relay = Relay(settings, name=self.name)
+        self._empty = self.relay.save()
+        self._sampling_hz = hz = scenario.system.sampling_hz
+        self._total = -(-round(scenario.scenario.duration_s * 1e9) * hz // SECOND_NS)
+        self._stream = SampleStream(hz, hz // gcd(hz, scenario.system.frequency_hz))
+        self._samples_id = Kind.SAMPLED_VALUES + number
+        self._recorder = Recorder([])
+        self._topic = f"/relay/{self.name}"
+        self._latency_ns: list[int] = []
+        self._silent = False
+        self._heard_ns = 0
+        self._restarts = 0
+        self.trips = 0
+        self.relay.warm_up(quantised(Plant(scenario).history(hz)[:, number]))
+        self._warm = self.relay.save(), self.relay.events
+
+    def begin(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        recorder.add_relay(self.name, self.relay.bits, self.relay.characteristics())
+
+    @property
+    def next_ns(self) -> int:
+        silence = FOREVER if self._silent else self._heard_ns + SILENT_NS
+        return min(self.node.next_ns, silence)
+
+    def poll(self, t_ns: int) -> list[Frame]:
+        if not self._silent and t_ns >= self._heard_ns + SILENT_NS and self._stream.next_count < self._total:
+            self._silent = True
+            self._event(t_ns, "warning", f"no sampled values for {SILENT_NS / 1e6:g} ms")
+        elif self._stream.next_count >= self._total:
+            self._heard_ns = t_ns  # the plant has said all
+        return self.node.poll(t_ns)
+
+    def receive(self, t_ns: int, frames: list[tuple[int, Frame]]) -> None:
+        for at_ns, frame in frames:
+            if frame.id == self._samples_id:
+                if self._stream.receive(at_ns, frame):
+                    self._heard_ns = at_ns
+            elif self.node.receive(at_ns, frame):
+                self._run(t_ns)  # what came before the inputs changed was measured with the old ones
+                self.relay.inputs = RelayInputs(self.node.breaker_closed, self.node.pilot_received)
+        self._run(t_ns)
+
+    def _run(self, t_ns: int) -> None:
+        for first, rows in self._stream.take():
+            if self._silent:
+                self._silent = False
+                self._event(t_ns, "info", "sampled values are back")
+            if first == 0:
+                self.relay.restore(self._warm[0])
+                self._tell(t_ns, self._warm[1])
+            elif first != self.relay.sample_count:
+                self._begin_anew(t_ns, first)
+            done = 0
+            while done < len(rows):
+                m = self.relay.advance(rows[done:])
+                self._record(t_ns, rows[done : done + m])
+                done += m
+            last_ns = (first + len(rows) - 1) * SECOND_NS // self._sampling_hz
+            self._latency_ns.append(t_ns - last_ns)
+
+    def _begin_anew(self, t_ns: int, first: int) -> None:
+        """Empty filters, and no trip: what is not measured any more cannot be held."""
+        inputs = self.relay.inputs
+        self.relay.restore(self._empty)
+        self.relay.inputs = inputs
+        self.relay.sample_count = first
+        self._restarts += 1
+        self._event(t_ns, "warning", f"measures from sample {first} on, with empty filters")
+
+    def _record(self, t_ns: int, rows: np.ndarray) -> None:
+        relay = self.relay
+        counts = np.arange(relay.sample_count - len(rows), relay.sample_count)
+        self._recorder.relay_block(
+            self.name,
+            counts * SECOND_NS // self._sampling_hz,
+            counts,
+            rows,
+            relay.phasors,
+            relay.loops,
+            relay.pickup,
+            relay.operate,
+        )
+        self._tell(t_ns, relay.events)
+        outputs = relay.outputs
+        self.node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
+        self.node.measured[:14] = relay.phasors[-1]
+        self.node.measured[14] = relay.fault_location
+
+    def _tell(self, t_ns: int, events: list[Any]) -> None:
+        for event in events:
+            at_ns = event.sample_count * SECOND_NS // self._sampling_hz
+            self._event(at_ns, event.level, event.text)
+            if event.trip is not None:
+                self._record_trip(at_ns, event.sample_count, event.trip)
+
+    def _record_trip(self, at_ns: int, sample_count: int, trip: Trip) -> None:
+        self.trips += 1
+        self._recorder.message(
+            f"{self._topic}/trips",
+            at_ns,
+            "Trip",
+            function=trip.function,
+            zone=trip.zone,
+            loop=trip.loop,
+            poles=trip.poles,
+            sample_count=sample_count,
+        )
+
+    def done(self, t_ns: int) -> bool:
+        return t_ns * self._sampling_hz >= self._total * SECOND_NS and (
+            self._stream.next_count >= self._total or self._silent
+        )
+
+    def statistics(self, pace: float) -> dict[str, Any]:
+        stream = self._stream
+        return {
+            "samples": stream.next_count,
+            "lost": stream.lost,
+            "bridged": stream.bridged,
+            "rejected": stream.rejected,
+            "trips": self.trips,
+            "location": self.relay.fault_location,
+            "latency_ms": asdict(Percentiles.of(self._latency_ns, pace)),
+        }
+
+    def _event(self, t_ns: int, level: str, text: str) -> None:
+        self._recorder.event(f"{self._topic}/events", t_ns, level, text, self.name)

@@ -1,0 +1,365 @@
+"""A whole scenario as processes: started together, listened to, ended cleanly, one log."""
+
+from __future__ import annotations
+
+import shutil
+import signal
+import threading
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+from faultloop.errors import InputError, nearest
+from faultloop.io.can.frames import Frame, State, decode
+from faultloop.io.can.table import BY_IDENTIFIER, PLANT_NODE, RELAYS, Kind
+from faultloop.io.mcap_writer import LogWriter
+from faultloop.live.child import Child, ended_how
+from faultloop.live.clock import RunClock
+from faultloop.live.link import Link, open_link
+from faultloop.live.merge import merge
+from faultloop.live.nodes import Role, bus_of, check_pace
+from faultloop.live.outcome import read_result
+from faultloop.pacing import Pacing, Percentiles
+from faultloop.recording import Recorder, check_log_path, describe
+from faultloop.relay import load_settings
+from faultloop.result import Result
+from faultloop.runner import check_settings
+from faultloop.scenario import Scenario, load_scenario
+
+READY_WITHIN_S = 120.0
+"""The first run of a version compiles, in every process."""
+LEAD_S = 0.3
+"""From the last node's being ready to time zero."""
+DRAIN_S = 0.3
+"""Silence on the bus after the plant's end that ends the run."""
+LOOK_S = 0.05
+"""How long the listener waits for a frame before it looks after its processes."""
+PLANT = "plant"
+
+
+class Supervisor:
+    """Starts, watches and ends the processes of one scenario, and writes what is on the bus.
+
+    Parameters
+    ----------
+    scenario : from a file: every process reads it itself.
+    can : ``"INTERFACE:CHANNEL"`` in place of the scenario's.
+    pace : run time in a second of wall time.
+    without : names of relays and breakers whose place a device on the bus takes.
+    folder : where the processes' logs go.
+    overrides : of keys of the scenario, as on the command line.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        can: str | None,
+        pace: float,
+        without: Collection[str],
+        folder: Path,
+        overrides: Sequence[str] = (),
+    ) -> None:
+        if scenario.path is None:
+            raise InputError("processes read the scenario from its file: give a path, not a Scenario")
+        self.scenario = scenario
+        self.pace = pace
+        self.folder = folder
+        self.interrupted = False
+        self.died: list[str] = []
+        self.frames = 0
+        self.closed = dict.fromkeys(range(len(scenario.breaker)), 7)
+        """Position of each breaker, as last heard."""
+        self._bus = bus_of(scenario, can)
+        self._overrides = overrides
+        self._roles = _roles(scenario, without)
+        self._children: dict[str, Child] = {}
+        self._past: list[Child] = []
+        self._joining: set[str] = set()
+        self._names = _names(scenario)
+        self.link: Link = open_link(self._bus, fd=True)
+        self.clock: RunClock | None = None
+        self._recorder = Recorder([])
+
+    # -- processes ------------------------------------------------------------------------------------------
+
+    def spawn(self, name: str) -> Child:
+        """Start the process of a node."""
+        role = self._roles[name]
+        arguments = [role, str(self.scenario.path), *([] if role == PLANT else [name])]
+        arguments += ["--can", self._bus, "--pace", repr(self.pace)]
+        for override in self._overrides:
+            arguments += ["--set", override]
+        if role == "breaker":
+            number = [b.name for b in self.scenario.breaker].index(name)
+            arguments += ["--closed", str(self.closed[number])]
+        again = sum(child.name == name for child in self._past)
+        child = Child(name, arguments, self.folder / f"{name}{f'-{again}' if again else ''}.mcap")
+        self._children[name] = child
+        return child
+
+    def begin(self) -> RunClock:
+        """Start all processes, and the run when every one of them is ready."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for name in self._roles:
+            self.spawn(name)
+        deadline = time.monotonic() + READY_WITHIN_S
+        while not all(child.ready for child in self._children.values()):
+            for child in self._children.values():
+                child.listen()
+                child.check()
+            if self.interrupted:
+                raise KeyboardInterrupt
+            if time.monotonic() > deadline:
+                waiting = ", ".join(n for n, child in self._children.items() if not child.ready)
+                raise InputError(f"not ready within {READY_WITHIN_S:g} s: {waiting}")
+            time.sleep(0.01)
+        self.clock = clock = RunClock.starting_now(self.pace, LEAD_S)
+        self._recorder = Recorder([LogWriter(self.folder / "bus.mcap", clock.start_ns)])
+        for child in self._children.values():
+            child.start(clock)
+        return clock
+
+    def restart(self, name: str) -> None:
+        """Start a node that has ended again; it joins the run when it is ready."""
+        old = self._children.pop(name)
+        old.close()
+        self._past.append(old)
+        self._joining.add(name)
+        self.spawn(name)
+        self.died = [other for other in self.died if other != name]
+
+    def kill(self, name: str) -> None:
+        """As ``kill -9`` does; it counts as meant."""
+        child = self._children[name]
+        child.process.kill()
+        child.process.wait()
+        self.event("warning", f"{name} was killed")
+
+    def event(self, level: str, text: str) -> None:
+        """A line of the supervisor's own, in the plant's event list."""
+        assert self.clock is not None
+        self._recorder.event("/plant/events", max(self.clock.now_ns(), 0), level, text, "supervisor")
+
+    # -- the bus --------------------------------------------------------------------------------------------
+
+    def listen(self, timeout_s: float = LOOK_S) -> list[tuple[int, Frame]]:
+        """Take what is on the bus, log it, look after the processes; the frames with their run time [ns]."""
+        clock = self.clock
+        assert clock is not None
+        frames = [(clock.at(at), frame) for at, frame in self.link.receive(timeout_s)]
+        for t_ns, frame in frames:
+            self._log(max(t_ns, 0), frame)
+        self.frames += len(frames)
+        for child in self._children.values():
+            child.listen()
+            if child.ready and child.name in self._joining:
+                self._joining.discard(child.name)
+                child.start(clock)
+        return frames
+
+    def _log(self, t_ns: int, frame: Frame) -> None:
+        self._recorder.message(
+            "/can",
+            t_ns,
+            "CanFrame",
+            id=frame.id,
+            data=frame.data,
+            extended=frame.extended,
+            fd=frame.fd,
+            direction="rx",
+            sender=self._names.get(frame.id, ""),
+        )
+        if frame.id & ~0xF == Kind.BREAKER_STATUS:
+            message = decode(Frame(frame.id, frame.data[:8]))
+            if isinstance(message, State):
+                self.closed[message.number] = message.poles
+
+    def run(self, progress: Callable[[float], None] | None = None) -> None:
+        """Until the plant has published its last sample and the bus is silent, or until a signal."""
+        assert self.clock is not None
+        while not self.interrupted:
+            self.listen()
+            self._watch()
+            if progress is not None:
+                progress(min(max(self.clock.now_ns() / 1e9 / self.scenario.scenario.duration_s, 0.0), 1.0))
+            if self._children[PLANT].ended:
+                break
+        until = time.monotonic() + DRAIN_S
+        while not self.interrupted and time.monotonic() < until:
+            if any(frame.id & ~0xF == Kind.SAMPLED_VALUES for _, frame in self.listen(0.02)):
+                until = time.monotonic() + DRAIN_S
+
+    def _watch(self) -> None:
+        """A node that ends before the run does is told of once; the others go on."""
+        for name, child in self._children.items():
+            if (
+                child.ended
+                and name not in self.died
+                and not (name == PLANT and child.process.returncode == 0)
+            ):
+                self.died.append(name)
+                how = ended_how(child.process.returncode)
+                words = child.last_words().splitlines()[-1:]
+                self.event(
+                    "error", f"{name} ended before the run did: {how}{': ' if words else ''}{''.join(words)}"
+                )
+
+    def finish(self) -> None:
+        """End all processes; each closes its log, or its log is recovered."""
+        for child in self._children.values():
+            child.end()
+        for child in self._children.values():
+            child.wait()
+        self._recorder.close()
+
+    def close(self) -> None:
+        """Whatever happened: nobody is left."""
+        for child in self._children.values():
+            child.close()
+        self.link.close()
+
+    @property
+    def logs(self) -> list[Path]:
+        """Of all processes, and of the bus."""
+        return [child.log for child in (*self._past, *self._children.values())] + [self.folder / "bus.mcap"]
+
+    def pacing(self) -> Pacing:
+        """How well the processes kept time; reactions are the result's."""
+        statistics = {name: child.statistics for name, child in self._children.items()}
+        plant = statistics[PLANT]
+        none = Percentiles.of([])
+        relays = {name: own for name, own in statistics.items() if "latency_ms" in own}
+        return Pacing(
+            pace=self.pace,
+            samples=plant.get("samples", 0),
+            missed=plant.get("deadlines_missed", 0),
+            jitter=Percentiles(**plant["jitter_ms"]) if "jitter_ms" in plant else none,
+            latency={name: Percentiles(**own["latency_ms"]) for name, own in relays.items()},
+            lost={name: own["lost"] for name, own in relays.items()},
+            dropped={name: own["dropped"] for name, own in statistics.items() if own}
+            | {"supervisor": self.link.dropped},
+            retries={name: own["retries"] for name, own in statistics.items() if own},
+        )
+
+    @property
+    def locations(self) -> dict[str, float]:
+        """Fault locations of the relays, per unit."""
+        return {
+            name: child.statistics.get("location", float("nan"))
+            for name, child in self._children.items()
+            if self._roles[name] == "relay"
+        }
+
+
+def _roles(scenario: Scenario, without: Collection[str]) -> dict[str, Role]:
+    roles: dict[str, Role] = {PLANT: "plant"}
+    roles |= {place.name: "relay" for place in scenario.relay}
+    for breaker in scenario.breaker:
+        if breaker.name in roles:
+            raise InputError(
+                f"a relay and a breaker are both called '{breaker.name}': processes need names of their own",
+                file=scenario.path,
+                key=f"breaker[{breaker.name}].name",
+            )
+        roles[breaker.name] = "breaker"
+    for name in without:
+        if name not in roles:
+            raise InputError(f"there is no node '{name}'; {nearest(name, roles)}", key="--without")
+        if name == PLANT:
+            raise InputError("a run without the plant has no end: run the nodes one by one", key="--without")
+        del roles[name]
+    return roles
+
+
+def _names(scenario: Scenario) -> dict[int, str]:
+    """Who sends which identifier."""
+    relays = {i: place.name for i, place in enumerate(scenario.relay)}
+    breakers = {i: breaker.name for i, breaker in enumerate(scenario.breaker)}
+    everybody = relays | {RELAYS + i: name for i, name in breakers.items()} | {PLANT_NODE: PLANT}
+    names = {}
+    for identifier, (kind, number) in BY_IDENTIFIER.items():
+        owners = {Kind.BREAKER_STATUS: breakers, Kind.HEARTBEAT: everybody}.get(kind, relays)
+        if kind == Kind.SAMPLED_VALUES and number in relays:
+            names[identifier] = PLANT
+        elif number in owners:
+            names[identifier] = owners[number]
+    return names
+
+
+def run_processes(
+    scenario: Path | str | Scenario,
+    *,
+    can: str | None = None,
+    pace: float = 1.0,
+    without: Collection[str] = (),
+    log: Path | str | None = None,
+    overrides: Sequence[str] = (),
+    progress: Callable[[float], None] | None = None,
+) -> Result:
+    """Run a scenario with the plant, every relay and every breaker as a process of its own.
+
+    Parameters
+    ----------
+    scenario : its file (or a `Scenario` that was read from one, without overrides).
+    can : ``"INTERFACE:CHANNEL"`` in place of the scenario's, as in ``"socketcan:vcan0"``.
+    pace : run time in a second of wall time: below 1 in slow motion, for a machine that is too slow.
+    without : relays and breakers whose place a device of your own takes.
+    log : where the merged log goes; ``logs/NAME.mcap`` where not given.
+    overrides : ``"fault.F1.at_pu=0.7"`` and the like.
+
+    Raises
+    ------
+    InputError : something in the scenario, the bus or the arguments is wrong.
+    """
+    checked = load_scenario(scenario, overrides) if not isinstance(scenario, Scenario) else scenario
+    check_pace(pace)
+    settings = {place.name: load_settings(checked.settings_path(place)) for place in checked.relay}
+    check_settings(checked, settings)
+    path = Path(log) if log is not None else Path("logs") / f"{Path(checked.path or 'run').stem}.mcap"
+    check_log_path(path)
+    started = time.perf_counter()
+    supervisor = Supervisor(checked, can, pace, without, path.with_name(path.name + ".nodes"), overrides)
+    try:
+        with _signals(supervisor):
+            clock = supervisor.begin()
+            supervisor.run(progress)
+            supervisor.finish()
+        pacing = supervisor.pacing()
+    finally:
+        supervisor.close()
+    metadata, attachments = describe(checked, settings, overrides)
+    metadata["processes"] = {"pace": f"{pace:g}", "bus": supervisor._bus, "without": " ".join(without)}
+    merge(supervisor.logs, path, clock.start_ns, metadata, attachments)
+    shutil.rmtree(supervisor.folder)
+    result = read_result(path, checked, time.perf_counter() - started, supervisor.locations)
+    result.interrupted = supervisor.interrupted
+    result.died = tuple(supervisor.died)
+    result.pacing = _with_reactions(pacing, result)
+    return result
+
+
+def _with_reactions(pacing: Pacing, result: Result) -> Pacing:
+    reactions = [trip.received_ns - trip.t_ns for trip in result.trips if trip.received_ns is not None]
+    return replace(pacing, reaction=Percentiles.of(reactions, pacing.pace))
+
+
+@contextmanager
+def _signals(supervisor: Supervisor) -> Iterator[None]:
+    """Ctrl-C and a termination signal end the run, and every process of it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        if supervisor.interrupted:
+            raise KeyboardInterrupt
+        supervisor.interrupted = True
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

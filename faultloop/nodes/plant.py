@@ -1,0 +1,130 @@
+"""The plant's side of the bus: sampled values out, positions of breakers in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, ticks
+from faultloop.io.can.table import OPERATIONAL, PLANT_NODE
+from faultloop.nodes.breaker import Report
+from faultloop.nodes.clock import Cyclic
+from faultloop.nodes.follower import BreakerFollower, with_followed_breakers
+from faultloop.plant import Plant
+from faultloop.scenario import Fault, Scenario
+
+SECOND_NS = 1_000_000_000
+AT_ONCE = 64
+"""Samples that one `poll` makes at most: a late plant must still hear the breakers."""
+
+Changed = Callable[[int, str, int, int], None]
+"""Called with run time [ns], "pole" or "fault", which one, and its new value, as the plant reports it."""
+
+
+class PlantNode:
+    """Publishes one frame of sampled values for each relay and sample, and follows the breakers' status.
+
+    Parameters
+    ----------
+    scenario : the whole of it.
+    first_sample : number of the first sample; not 0 for a plant that joins a run that has begun.  It must be
+        at a whole cycle, so that the waves go on where they were.
+    report : told of every status frame that is refused, and why.
+    changed : told of every pole and fault that changed.
+    """
+
+    def __init__(self, scenario: Scenario, first_sample: int, report: Report, changed: Changed) -> None:
+        sampling_hz = scenario.system.sampling_hz
+        if first_sample * scenario.system.frequency_hz % sampling_hz:
+            raise ValueError(f"sample {first_sample} is not at a whole cycle")
+        begins_ns = first_sample * SECOND_NS // sampling_hz
+        followed = with_followed_breakers(scenario, frozenset(b.name for b in scenario.breaker))
+        self.plant = Plant(_going_on(followed, begins_ns))
+        self.sampling_hz = sampling_hz
+        self.total = -(-round(scenario.scenario.duration_s * 1e9) * sampling_hz // SECOND_NS)
+        self.sample_count = self.first_sample = first_sample
+        self._begins_ns = begins_ns
+        self._names = [breaker.name for breaker in scenario.breaker]
+        self._relays = range(len(scenario.relay))
+        self._changed = changed
+        numbers = {fault.name: i for i, fault in enumerate(scenario.fault)}
+        self._fault_numbers = [numbers[fault.name] for fault in self.plant.scenario.fault]
+        self.followers = [
+            BreakerFollower(i, self.plant.closed(name), scenario.can.heartbeat_s, report)
+            for i, name in enumerate(self._names)
+        ]
+        self._heartbeat = Cyclic(1 / scenario.can.heartbeat_s, first=round(begins_ns / 1e9))
+
+    def sample_ns(self, count: int) -> int:
+        """Run time of a sample [ns]."""
+        return count * SECOND_NS // self.sampling_hz
+
+    @property
+    def done(self) -> bool:
+        """The last sample has been published."""
+        return self.sample_count >= self.total
+
+    @property
+    def next_ns(self) -> int:
+        """When `poll` has something to send."""
+        heartbeat_ns = self._heartbeat.next_ns
+        return heartbeat_ns if self.done else min(self.sample_ns(self.sample_count), heartbeat_ns)
+
+    def poll(self, t_ns: int) -> list[Frame]:
+        """The frames that are due."""
+        frames: list[Frame] = []
+        due = min(t_ns * self.sampling_hz // SECOND_NS + 1, self.total)
+        n = min(due - self.sample_count, AT_ONCE)
+        while n > 0:
+            made = self.plant.advance(n)
+            for row in self.plant.samples.tolist():
+                count = self.sample_count
+                frames += [
+                    SampledValues(i, count, tuple(row[i]), count & 0xFF).encode() for i in self._relays
+                ]
+                self.sample_count += 1
+            for change in self.plant.changes:
+                number = change.index if change.kind == "pole" else self._fault_numbers[change.index]
+                self._changed(self._begins_ns + change.t_ns, change.kind, number, change.value)
+            n -= made
+        if self._heartbeat.poll(t_ns):
+            frames.append(Heartbeat(PLANT_NODE, OPERATIONAL, 0, 0, ticks(t_ns)).encode())
+        return frames
+
+    def receive(self, t_ns: int, frame: Frame) -> None:
+        """Take a frame: a breaker's accepted status moves its poles, at once or at the next current zero."""
+        for number, follower in enumerate(self.followers):
+            for movement in follower.receive(t_ns, frame):
+                at_ns = max(t_ns, self.sample_ns(self.sample_count)) - self._begins_ns
+                self.plant.command(self._names[number], movement.operation, movement.poles, at_ns)
+
+
+def _going_on(scenario: Scenario, begins_ns: int) -> Scenario:
+    """The scenario from `begins_ns` on: angles as they are then, what is past left out.
+
+    A fault that is on begins with the new run; the transient of its beginning is not there.
+    """
+    if begins_ns == 0:
+        return scenario
+    begins_s = begins_ns / 1e9
+    sources = [
+        source.model_copy(
+            update={
+                "angle_deg": source.angle_deg
+                + 360.0 * (((source.frequency_hz or scenario.system.frequency_hz) * begins_s) % 1.0)
+            }
+        )
+        for source in scenario.source
+    ]
+    faults = [later for fault in scenario.fault if (later := _later(fault, begins_s)) is not None]
+    return scenario.model_copy(update={"source": tuple(sources), "fault": tuple(faults)})
+
+
+def _later(fault: Fault, by_s: float) -> Fault | None:
+    key = "after_s" if fault.start_s is None else "start_s"
+    start_s = getattr(fault, key) - by_s
+    if start_s >= 0:
+        return fault.model_copy(update={key: start_s})
+    duration_s = None if fault.duration_s is None else fault.duration_s + start_s
+    if duration_s is not None and duration_s <= 0:
+        return None
+    return fault.model_copy(update={"start_s": 0.0, "angle_deg": None, "duration_s": duration_s})

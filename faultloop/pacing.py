@@ -1,0 +1,79 @@
+"""How well a run in real time kept its time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Percentiles:
+    """Of some durations [ms, wall time]."""
+
+    count: int = 0
+    median: float = math.nan
+    p95: float = math.nan
+    p99: float = math.nan
+    greatest: float = math.nan
+
+    @classmethod
+    def of(cls, durations_ns: list[int] | np.ndarray, pace: float = 1.0) -> Percentiles:
+        """`durations_ns` of run time."""
+        if len(durations_ns) == 0:
+            return cls()
+        wall_ms = np.asarray(durations_ns, float) / pace / 1e6
+        return cls(len(wall_ms), *np.percentile(wall_ms, (50, 95, 99, 100)).tolist())
+
+    def __str__(self) -> str:
+        return f"median {self.median:.2f} p95 {self.p95:.2f} p99 {self.p99:.2f} max {self.greatest:.2f} ms"
+
+
+@dataclass(slots=True)
+class Deadlines:
+    """How late the samples were: each is due at its own time, and missed where it came a sample later.
+
+    Parameters
+    ----------
+    interval_ns : of the sampling [ns of run time].
+    """
+
+    interval_ns: int
+    late_ns: list[int] = field(default_factory=list)
+
+    def note(self, due_ns: int, t_ns: int) -> None:
+        self.late_ns.append(t_ns - due_ns)
+
+    @property
+    def missed(self) -> int:
+        """How many came later than the next one was due."""
+        return int(np.count_nonzero(np.asarray(self.late_ns) > self.interval_ns))
+
+
+@dataclass(frozen=True)
+class Pacing:
+    """What a run in real time ends with.
+
+    Attributes
+    ----------
+    pace : run time in a second of wall time.
+    samples, missed : of the plant, and how many of them came later than the next one was due.
+    jitter : how late they were, wall time.
+    reaction : from the sample that a relay tripped at to its breaker's taking the frame, wall time; empty in
+        one process, where the bus model says when.
+    latency : from a sample to the relay's having worked on it, wall time, by relay.
+    lost : sampled values that did not arrive, by relay.
+    dropped : frames that the kernel could not keep, by node.
+    retries : how often a transmit queue was full, by node.
+    """
+
+    pace: float
+    samples: int
+    missed: int
+    jitter: Percentiles
+    reaction: Percentiles = field(default_factory=Percentiles)
+    latency: dict[str, Percentiles] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
+    dropped: dict[str, int] = field(default_factory=dict)
+    retries: dict[str, int] = field(default_factory=dict)
