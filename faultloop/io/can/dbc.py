@@ -10,7 +10,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from faultloop.io.can.table import BREAKERS, MESSAGES, NODES, PLANT_NODE, RELAYS, Kind, MessageType
+from faultloop.errors import InputError
+from faultloop.io.can.table import BREAKERS, BY_KIND, MESSAGES, PLANT_NODE, RELAYS, Kind, MessageType
 from faultloop.io.can.table import Signal as SignalRow
 
 if TYPE_CHECKING:
@@ -48,6 +49,36 @@ def message_name(kind: Kind, number: int) -> str:
     return f"{kind.name}_{number:02}"
 
 
+def sender_name(kind: Kind, number: int) -> str:
+    """Name of a message's sender in the DBC, such as BREAKER_01."""
+    sender = BY_KIND[kind].sender
+    return _NODE_NAMES[
+        {"RELAY": number, "BREAKER": RELAYS + number, "PLANT": PLANT_NODE, "NODE": number}[sender]
+    ]
+
+
+def load_dbc(path: Path | str) -> Database:
+    """A user's DBC (or another format that cantools reads).
+
+    Raises
+    ------
+    InputError : no such file, or it is not a CAN database.
+    """
+    import cantools
+    from cantools.errors import Error
+
+    try:
+        loaded = cantools.database.load_file(path)
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}", file=path) from error
+    except (Error, UnicodeError, ValueError, KeyError, IndexError) as error:
+        why = str(error).partition("\n")[0] or type(error).__name__
+        raise InputError(f"not a CAN database: {why}", file=path) from error
+    if not isinstance(loaded, cantools.database.can.Database):
+        raise InputError("a diagnostics database, not one of CAN messages", file=path)
+    return loaded
+
+
 def dbc_text() -> str:
     """The DBC that belongs to the table of messages."""
     from cantools.database.can import Database, Node
@@ -67,19 +98,12 @@ def dbc_text() -> str:
 def _message(row: MessageType, number: int) -> Message:
     from cantools.database.can import Message
 
-    sender = {
-        "RELAY": number,
-        "BREAKER": RELAYS + number,
-        "PLANT": PLANT_NODE,
-        "NODE": number,
-    }[row.sender]
-    assert sender < NODES
     return Message(
         frame_id=row.kind + number,
         name=message_name(row.kind, number),
         length=row.length,
         signals=[_signal(signal, number) for signal in row.signals],
-        senders=[_NODE_NAMES[sender]],
+        senders=[sender_name(row.kind, number)],
         comment=row.comment if number == 0 else None,  # once for each kind keeps the file readable
         is_fd=row.fd,
     )
