@@ -11,10 +11,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
+from faultloop.busfault import BusFault
+from faultloop.busfault import check_references as check_bus_faults
 from faultloop.errors import InputError, nearest
 from faultloop.tables import (
     ComplexOhm,
     Milliseconds,
+    Name,
     NonNegative,
     Number,
     Positive,
@@ -30,7 +33,6 @@ LOOPS = ("AG", "BG", "CG", "AB", "BC", "CA", "ABC")
 FaultType = Literal["AG", "BG", "CG", "AB", "BC", "CA", "ABG", "BCG", "CAG", "ABC", "ABCG"]
 End = Literal["from", "to"]
 PerKm = Annotated[float, Field(ge=0, le=1e4)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
 
 
 def _iso_time(value: Any) -> Any:
@@ -287,6 +289,7 @@ class Scenario(Table):
         """The file it came from."""
         return self._path
 
+    bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
     @property
     def text(self) -> str:
         """The file's text, for the log."""
@@ -370,19 +373,20 @@ def _member(items: list[Any], part: str, where: str, override: str) -> Any:
 
 
 def _named_faults(data: Mapping[str, Any]) -> dict[str, Any]:
-    """Faults without a name are F1, F2, ... by place."""
+    """Faults without a name are F1, F2, ... by place, those of the bus B1, B2, ..."""
     data = copy.deepcopy(dict(data))
-    faults = data.get("fault")
-    if isinstance(faults, list):
-        for number, fault in enumerate(faults, 1):
-            if isinstance(fault, dict):
-                fault.setdefault("name", f"F{number}")
+    for kind, letter in (("fault", "F"), ("bus_fault", "B")):
+        faults = data.get(kind)
+        if isinstance(faults, list):
+            for number, fault in enumerate(faults, 1):
+                if isinstance(fault, dict):
+                    fault.setdefault("name", f"{letter}{number}")
     return data
 
 
 def _check_references(s: Scenario) -> None:
     """Names that point somewhere, and values that only the whole can judge."""
-    for kind in ("source", "line", "fault", "breaker", "relay"):
+    for kind in ("source", "line", "fault", "breaker", "relay", "bus_fault"):
         seen: set[str] = set()
         for item in getattr(s, kind):
             if item.name in seen:
@@ -437,3 +441,4 @@ def _check_references(s: Scenario) -> None:
             raise InputError(
                 "within_ms counts from a fault, and there is none", key=f"expect[{number}].within_ms"
             )
+    check_bus_faults(s.bus_fault, relays, breakers, s.scenario.duration_s)

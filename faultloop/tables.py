@@ -31,6 +31,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Milliseconds = Annotated[float, Field(ge=0, le=1e7)]
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
 ComplexOhm = Annotated[tuple[float, float], Field(strict=False), AfterValidator(_pair)]
 """An impedance as TOML ``[r, x]`` in ohm."""
 
