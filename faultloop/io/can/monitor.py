@@ -154,7 +154,7 @@ class BusMonitor:
         try:
             values = found.decode(frame.data)
         except DecodeError as error:
-            return f"{frame.data.hex(' ')} ({error})"
+            return f"{frame.data.hex(' ')} ({error})".strip()
         return " ".join(f"{name}={value}" for name, value in dict(values).items())
 
     def _new_row(self, frame: Frame, t_ns: int) -> Row:
