@@ -242,6 +242,16 @@ class Can(Table):
     """How often each relay publishes its measurements; 0 leaves them out."""
     heartbeat_s: Annotated[float, Field(ge=0.01, le=3600)] = 1.0
     """Interval of the heartbeat and the longest of the repetition of trip, close and pilot frames."""
+    keys: Annotated[str, Field(min_length=1)] | None = None
+    """Key file, relative to the scenario: with it trip, close, pilot and status frames are authenticated."""
+    confirmations: int = Field(default=1, ge=1, le=4)
+    """Frames in a row that must agree before a new state is acted upon; 2 costs 2 ms."""
+
+    @model_validator(mode="after")
+    def _room_for_the_tag(self) -> Can:
+        if self.keys is not None and not self.fd:
+            raise ValueError("keys needs fd = true: an authenticated frame has 32 bytes")
+        return self
 
 
 class Expect(Table):
@@ -279,6 +289,7 @@ class Scenario(Table):
     relay: tuple[RelayPlace, ...] = Field(default=(), strict=False, max_length=16)
     can: Can = Can()
     front_end: FrontEnd = FrontEnd()
+    bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
     expect: tuple[Expect, ...] = Field(default=(), strict=False)
 
     _path: Path | None = PrivateAttr(default=None)
@@ -289,7 +300,6 @@ class Scenario(Table):
         """The file it came from."""
         return self._path
 
-    bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
     @property
     def text(self) -> str:
         """The file's text, for the log."""
@@ -311,6 +321,13 @@ class Scenario(Table):
         """The relay's settings file."""
         base = self._path.parent if self._path else Path()
         return base / relay.settings
+
+    @property
+    def keys_path(self) -> Path | None:
+        """The key file, where there is one."""
+        if self.can.keys is None:
+            return None
+        return (self._path.parent if self._path else Path()) / self.can.keys
 
 
 def load_scenario(path: Path | str, overrides: Sequence[str] = ()) -> Scenario:
@@ -435,10 +452,10 @@ def _check_references(s: Scenario) -> None:
         known(relay.line, lines, "line", f"relay[{relay.name}].line")
         if relay.breaker is not None:
             known(relay.breaker, breakers, "breaker", f"relay[{relay.name}].breaker")
+    check_bus_faults(s.bus_fault, relays, breakers, s.scenario.duration_s)
     for number, expect in enumerate(s.expect):
         known(expect.relay, relays, "relay", f"expect[{number}].relay")
         if expect.trip and expect.within_ms is not None and not s.fault:
             raise InputError(
                 "within_ms counts from a fault, and there is none", key=f"expect[{number}].within_ms"
             )
-    check_bus_faults(s.bus_fault, relays, breakers, s.scenario.duration_s)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Mapping
 import numpy as np
 
 from faultloop.errors import InputError, nearest
+from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport
@@ -24,6 +25,7 @@ from faultloop.nodes import (
     Command,
     Movement,
     Report,
+    breaker_follower,
     breaker_node,
     relay_node,
     with_followed_breakers,
@@ -100,8 +102,7 @@ class Simulation:
 
     def _follower(self, number: int) -> BreakerFollower:
         name = self._breaker_names[number]
-        heartbeat_s = self.scenario.can.heartbeat_s
-        return BreakerFollower(number, self.plant.closed(name), heartbeat_s, self._reports_of(name))
+        return breaker_follower(self.scenario, number, self.plant.closed(name), self._reports_of(name))
 
     def _reports_of(self, name: str) -> Report:
         def report(t_ns: int, level: str, text: str) -> None:
@@ -336,7 +337,7 @@ class Simulation:
         for number, follower in self._followers.items():
             for movement in follower.receive(t_ns, frame):
                 self._move(t_ns, number, movement)
-        message = decode(frame) if frame.id & ~0xF == Kind.TRIP else None
+        message = decode(unsealed(frame)) if frame.id & ~0xF == Kind.TRIP else None
         if isinstance(message, State) and message.poles:
             place = next(iter(self.scenario.relay[message.number : message.number + 1]), None)
             if place is not None and place.breaker in [self._breaker_names[i] for i in self._followers]:

@@ -60,10 +60,10 @@ def test_a_breaker_refuses_and_says_why() -> None:
     broken = Frame(good.id, bytes([good.data[0] ^ 1]) + good.data[1:])
     assert breaker.receive(0, broken) is None
     assert said == [f"frame 0x010 refused: {Rejection.CRC.value}"]
-    assert breaker.rejected == 1
+    assert breaker.rejected == {Rejection.CRC: 1}
     other = State(Kind.TRIP, 5, 7, 1, 0, 0, 0).encode()  # of a relay that does not command it
     assert breaker.receive(0, other) is None
-    assert breaker.rejected == 1
+    assert breaker.rejected == {Rejection.CRC: 1}
 
 
 def test_the_relay_follows_its_breaker_and_its_partner() -> None:

@@ -90,7 +90,7 @@ class BreakerProcess:
         return t_ns >= self._end_ns
 
     def statistics(self, pace: float) -> dict[str, Any]:
-        return {"rejected": self.node.rejected}
+        return {"rejected": self.node.rejected.total()}
 
     def _report(self, t_ns: int, level: str, text: str) -> None:
         self._recorder.event(f"/breaker/{self.name}/events", t_ns, level, text, self.name)

@@ -4,11 +4,12 @@ A node takes frames (`receive`) and gives frames (`poll`, due at `next_ns`); it 
 other nodes, and it does not know whether the bus is simulated or real.
 """
 
-from faultloop.nodes.breaker import BreakerNode, Command, Report
+from faultloop.nodes.breaker import BreakerNode, Command
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.follower import BreakerFollower, Movement, with_followed_breakers
+from faultloop.nodes.refusals import Refusals, Report
 from faultloop.nodes.relay import RelayNode
-from faultloop.nodes.roster import breaker_node, relay_node
+from faultloop.nodes.roster import breaker_follower, breaker_node, relay_node
 
 __all__ = [
     "FOREVER",
@@ -16,8 +17,10 @@ __all__ = [
     "BreakerNode",
     "Command",
     "Movement",
+    "Refusals",
     "RelayNode",
     "Report",
+    "breaker_follower",
     "breaker_node",
     "relay_node",
     "with_followed_breakers",

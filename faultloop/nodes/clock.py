@@ -15,6 +15,14 @@ class Cyclic:
         self.count = first
         self.next_ns = self._due()
 
+    @classmethod
+    def since(cls, start_ns: int, rate_hz: float) -> Cyclic:
+        """Due at the multiples from `start_ns` on."""
+        cyclic = cls(rate_hz, first=max(0, int(start_ns * rate_hz / 1e9)))
+        while cyclic.next_ns < start_ns:
+            cyclic.poll(start_ns)
+        return cyclic
+
     def _due(self) -> int:
         return round(self.count * 1e9 / self.rate_hz) if self.rate_hz > 0 else FOREVER
 

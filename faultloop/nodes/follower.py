@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
+from faultloop.io.can.authentication import PLAIN, Seal
 from faultloop.io.can.frames import Frame, Rejection, State, decode
 from faultloop.io.can.goose import Repetition, Subscriber
 from faultloop.io.can.table import Kind
-from faultloop.nodes.breaker import Report
+from faultloop.nodes.refusals import Refusals, Report
 from faultloop.scenario import Scenario
 
 
@@ -26,23 +27,37 @@ class BreakerFollower:
     number : of the breaker, 0 to 15.
     closed : mask of closed poles at the start.
     heartbeat_s : its longest interval of repetition.
-    report : told of every frame that is refused, and why.
+    report : told of the frames that are refused, and why.
+    seal, start_ns, confirmations : as a `BreakerNode` has them.
     """
 
-    def __init__(self, number: int, closed: int, heartbeat_s: float, report: Report) -> None:
+    def __init__(
+        self,
+        number: int,
+        closed: int,
+        heartbeat_s: float,
+        report: Report,
+        *,
+        seal: Seal = PLAIN,
+        start_ns: int = 0,
+        confirmations: int = 1,
+    ) -> None:
         self.identifier = Kind.BREAKER_STATUS + number
         self.closed = closed
-        self.status = Subscriber(Repetition(heartbeat_ns=round(heartbeat_s * 1e9)))
-        self._report = report
+        repetition = Repetition(heartbeat_ns=round(heartbeat_s * 1e9))
+        self.status = Subscriber(repetition, start_ns=start_ns, confirmations=confirmations)
+        self._seal = seal
+        self._refusals = Refusals(report)
 
     def receive(self, t_ns: int, frame: Frame) -> list[Movement]:
         """Take a frame; what the poles did, once for each state."""
         if frame.id != self.identifier:
             return []
-        message = decode(frame)
+        opened = self._seal.open(t_ns, frame)
+        message = opened if isinstance(opened, Rejection) else decode(opened)
         taken = self.status.receive(message, t_ns) if isinstance(message, State) else message
         if isinstance(taken, Rejection):
-            self._report(t_ns, "warning", f"frame {frame.id:#05x} refused: {taken.value}")
+            self._refusals.add(t_ns, frame, taken)
         if taken is not True or not isinstance(message, State):
             return []
         moved = self.closed ^ message.poles

@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, ticks
 from faultloop.io.can.table import OPERATIONAL, PLANT_NODE
-from faultloop.nodes.breaker import Report
 from faultloop.nodes.clock import Cyclic
-from faultloop.nodes.follower import BreakerFollower, with_followed_breakers
+from faultloop.nodes.follower import with_followed_breakers
+from faultloop.nodes.refusals import Report
+from faultloop.nodes.roster import breaker_follower
 from faultloop.plant import Plant
 from faultloop.scenario import Fault, Scenario
 
@@ -49,7 +50,7 @@ class PlantNode:
         numbers = {fault.name: i for i, fault in enumerate(scenario.fault)}
         self._fault_numbers = [numbers[fault.name] for fault in self.plant.scenario.fault]
         self.followers = [
-            BreakerFollower(i, self.plant.closed(name), scenario.can.heartbeat_s, report)
+            breaker_follower(scenario, i, self.plant.closed(name), report, start_ns=begins_ns)
             for i, name in enumerate(self._names)
         ]
         self._heartbeat = Cyclic(1 / scenario.can.heartbeat_s, first=round(begins_ns / 1e9))

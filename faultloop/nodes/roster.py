@@ -2,24 +2,87 @@
 
 from __future__ import annotations
 
-from faultloop.nodes.breaker import BreakerNode, Report
+from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
+from faultloop.io.can.keys import load_keys
+from faultloop.io.can.table import Kind
+from faultloop.nodes.breaker import BreakerNode
+from faultloop.nodes.follower import BreakerFollower
+from faultloop.nodes.refusals import Report, unheard
 from faultloop.nodes.relay import RelayNode
 from faultloop.scenario import Scenario
 
 
-def relay_node(scenario: Scenario, number: int) -> RelayNode:
-    """The node of relay `number`: its partners are the relays at the line's other end."""
+def seal(scenario: Scenario, start_ns: int = 0) -> Seal:
+    """The seal of a node that starts at run time `start_ns` [ns]; each node needs one of its own.
+
+    Raises InputError where the key file cannot be used.
+    """
+    path = scenario.keys_path
+    if path is None:
+        return PLAIN
+    senders = {
+        kind + i: place.name
+        for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT)
+        for i, place in enumerate(scenario.relay)
+    }
+    senders |= {Kind.BREAKER_STATUS + i: breaker.name for i, breaker in enumerate(scenario.breaker)}
+    keys = load_keys(path, dict.fromkeys(senders.values()))
+    by_identifier = {identifier: keys[name] for identifier, name in senders.items()}
+    return CmacSeal(by_identifier, scenario.scenario.start_ns, start_ns)
+
+
+def relay_node(scenario: Scenario, number: int, report: Report = unheard, *, start_ns: int = 0) -> RelayNode:
+    """The node of relay `number`: its partners are the relays at the line's other end.
+
+    A node that restarts within a run has `start_ns`, the run time of that [ns].
+    """
     place = scenario.relay[number]
     partners = [
         i for i, other in enumerate(scenario.relay) if other.line == place.line and other.end != place.end
     ]
     names = [breaker.name for breaker in scenario.breaker]
     breaker = None if place.breaker is None else names.index(place.breaker)
-    return RelayNode(number, breaker, partners, scenario.can.heartbeat_s, scenario.can.measurements_hz)
+    return RelayNode(
+        number,
+        breaker,
+        partners,
+        scenario.can.heartbeat_s,
+        scenario.can.measurements_hz,
+        report,
+        seal=seal(scenario, start_ns),
+        start_ns=start_ns,
+        confirmations=scenario.can.confirmations,
+    )
 
 
-def breaker_node(scenario: Scenario, number: int, closed: int, report: Report) -> BreakerNode:
+def breaker_node(
+    scenario: Scenario, number: int, closed: int, report: Report, *, start_ns: int = 0
+) -> BreakerNode:
     """The node of breaker `number`: every relay that names the breaker may command it."""
     name = scenario.breaker[number].name
     relays = [i for i, place in enumerate(scenario.relay) if place.breaker == name]
-    return BreakerNode(number, relays, closed, scenario.can.heartbeat_s, report)
+    return BreakerNode(
+        number,
+        relays,
+        closed,
+        scenario.can.heartbeat_s,
+        report,
+        seal=seal(scenario, start_ns),
+        start_ns=start_ns,
+        confirmations=scenario.can.confirmations,
+    )
+
+
+def breaker_follower(
+    scenario: Scenario, number: int, closed: int, report: Report, *, start_ns: int = 0
+) -> BreakerFollower:
+    """What the plant hears of breaker `number`."""
+    return BreakerFollower(
+        number,
+        closed,
+        scenario.can.heartbeat_s,
+        report,
+        seal=seal(scenario, start_ns),
+        start_ns=start_ns,
+        confirmations=scenario.can.confirmations,
+    )

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faultloop.io.can.frames import Frame, Rejection, State, decode
+from faultloop.io.can.frames import Frame, Rejection, State, decode, ticks
 from faultloop.io.can.goose import MS, Publisher, Repetition, Subscriber
 from faultloop.io.can.table import Kind
 
@@ -74,6 +74,7 @@ def test_a_state_is_accepted_once():
 
 def test_replay_of_an_older_state_is_rejected():
     publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    assert subscriber.receive(message(publisher.poll(0)), 0) is True
     publisher.set(7, 10 * MS)
     trip = message(publisher.poll(10 * MS))
     assert subscriber.receive(trip, 10 * MS) is True
@@ -93,7 +94,7 @@ def test_a_change_within_one_tick_of_the_clock_is_not_lost():
 
 
 def test_frames_under_test_are_for_receivers_under_test():
-    under_test = Publisher(Kind.TRIP, 1, poles=7, test=True)
+    under_test = Publisher(Kind.TRIP, 1, test=True)
     m = message(under_test.poll(0))
     assert Subscriber().receive(m, 0) is Rejection.TEST
     assert Subscriber(test=True).receive(m, 0) is True
@@ -131,10 +132,85 @@ def test_a_restarted_publisher_rejoins():
         subscriber.receive(message(old.poll(n * 10 * MS)), n * 10 * MS)
     assert subscriber.poles == 1
     restarted = Publisher(Kind.TRIP, 1, start_ns=500 * MS)
-    assert subscriber.receive(message(restarted.poll(500 * MS)), 500 * MS) is True
+    # One frame out of sequence may be an accident; the second tells that it is a restart.
+    answers = [subscriber.receive(m, t_ns) for t_ns, m in publications(restarted, 502 * MS)]
+    assert answers == [Rejection.SEQUENCE, True]
     assert subscriber.restarts == 1 and subscriber.poles == 0
     restarted.set(7, 600 * MS)
     assert subscriber.receive(message(restarted.poll(600 * MS)), 600 * MS) is True
+
+
+def test_a_restart_in_another_position_under_the_same_number_is_no_contradiction():
+    old, subscriber = Publisher(Kind.BREAKER_STATUS, 1, poles=7), Subscriber()
+    for t_ns, m in publications(old, 200_000 * MS):
+        subscriber.receive(m, t_ns)
+    start_ns = 200_100 * MS
+    restarted = Publisher(Kind.BREAKER_STATUS, 1, poles=6, start_ns=start_ns)
+    answers = [subscriber.receive(m, t_ns) for t_ns, m in publications(restarted, start_ns + 2 * MS)]
+    assert answers == [Rejection.SEQUENCE, True]  # sq_num 0, then 1
+    assert subscriber.poles == 6
+
+
+def test_a_restarted_receiver_refuses_what_was_sent_before_it_began_and_acts_on_the_trip_that_stands():
+    publisher = Publisher(Kind.TRIP, 1)
+    publisher.poll(0)
+    publisher.set(7, 100 * MS)
+    before = publications(publisher, 500 * MS)
+    recording = [m for _, m in before if m.poles]
+    assert len(recording) == 8
+    subscriber = Subscriber(start_ns=550 * MS)
+    for n, m in enumerate(recording):  # the whole sequence, in its order: numbers and counters are right
+        assert subscriber.receive(m, (551 + n) * MS) is Rejection.BEFORE_START
+    genuine = publications(publisher, 1700 * MS)  # sent at 610 and 1122 ms
+    assert [subscriber.receive(m, t_ns) for t_ns, m in genuine] == [Rejection.SEQUENCE, True]
+    assert subscriber.poles == 7
+    for m in [*recording, *(m for _, m in genuine)]:
+        assert subscriber.receive(m, 1350 * MS) in (Rejection.OLD, Rejection.STALE)
+
+
+def test_one_frame_out_of_sequence_is_not_acted_upon():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber()
+    for t_ns, m in publications(publisher, 100 * MS):
+        subscriber.receive(m, t_ns)
+    last_ns, last = publications(publisher, 130 * MS)[-1]
+    assert subscriber.receive(last, last_ns) is False
+    now_ns = 140 * MS
+    odd = last._replace(time=ticks(now_ns), poles=7)
+    jump = odd._replace(st_num=9, sq_num=0, counter=(odd.counter + 1) % 15)
+    same_counter = odd._replace(st_num=2, sq_num=0)
+    stuck = odd._replace(poles=0, sq_num=odd.sq_num + 1)
+    for m in (jump, same_counter, stuck):
+        assert subscriber.copied().receive(m, now_ns) is Rejection.SEQUENCE
+    publisher.set(7, now_ns)
+    assert subscriber.receive(jump, now_ns) is Rejection.SEQUENCE
+    assert subscriber.receive(message(publisher.poll(now_ns + MS)), now_ns + MS) is True  # at once
+
+
+def test_a_trip_after_a_lost_state_is_acted_upon_with_its_second_frame():
+    publisher, subscriber = Publisher(Kind.TRIP, 1, poles=7), Subscriber()
+    for t_ns, m in publications(publisher, 2 * MS):
+        subscriber.receive(m, t_ns)
+    publisher.set(0, 100 * MS)
+    publications(publisher, 250 * MS)  # all lost
+    publisher.set(7, 300 * MS)
+    answers = [subscriber.receive(m, t_ns) for t_ns, m in publications(publisher, 310 * MS)]
+    assert answers == [Rejection.SEQUENCE, True, False]
+
+
+def test_with_two_confirmations_each_change_takes_two_frames():
+    publisher, subscriber = Publisher(Kind.TRIP, 1), Subscriber(confirmations=2)
+    publisher_answers = [subscriber.receive(m, t_ns) for t_ns, m in publications(publisher, 2 * MS)]
+    assert publisher_answers == [Rejection.SEQUENCE, True]
+    publisher.set(7, 100 * MS)
+    answers = [subscriber.receive(m, t_ns) for t_ns, m in publications(publisher, 106 * MS)]
+    assert answers == [Rejection.SEQUENCE, True, False]
+
+
+def test_a_time_ahead_is_refused():
+    publisher = Publisher(Kind.TRIP, 1)
+    m = message(publisher.poll(0))._replace(time=ticks(101 * MS))
+    assert Subscriber().receive(m, 0) is Rejection.STALE
+    assert Subscriber().receive(m, MS) is True
 
 
 @pytest.mark.parametrize("silence_ms", [1, 5000])
@@ -143,9 +219,9 @@ def test_without_a_common_clock_an_earlier_time_needs_a_silence(silence_ms):
     running = Publisher(Kind.TRIP, 1, start_ns=0)
     for _, m in publications(running, 50_000 * MS):
         subscriber.receive(m, 50_000 * MS)
-    restarted = message(Publisher(Kind.TRIP, 1, poles=7).poll(0))  # its clock began again
-    answer = subscriber.receive(restarted, (50_000 + silence_ms) * MS)
-    assert answer is (Rejection.OLD if silence_ms == 1 else True)
+    restarted = publications(Publisher(Kind.TRIP, 1, poles=7), 2 * MS)  # its clock began again
+    answers = [subscriber.receive(m, (50_000 + silence_ms) * MS + t_ns) for t_ns, m in restarted]
+    assert answers == ([Rejection.OLD] * 2 if silence_ms == 1 else [Rejection.SEQUENCE, True])
 
 
 def test_lost_frames_are_counted():
@@ -175,7 +251,9 @@ def test_the_last_state_arrives_under_loss_duplication_and_replay(changes, rando
                     accepted.append(m.poles)
                 history.append(m)
             if history and random.random() < 0.5:
-                assert subscriber.receive(random.choice(history), t_ns) in (Rejection.OLD, Rejection.STALE)
+                again = subscriber.receive(random.choice(history), t_ns)
+                # A replay of what has not been accepted yet stays unaccepted.
+                assert again in (Rejection.OLD, Rejection.STALE, Rejection.SEQUENCE)
 
     for gap_ms, poles in changes:
         now += gap_ms * MS

@@ -32,12 +32,16 @@ class Rejection(Enum):
     UNKNOWN_ID = "unknown identifier"
     FORMAT = "wrong frame format"  # extended, or FD where classic is due
     LENGTH = "wrong length"
+    NOT_AUTHENTICATED = "plain, where only authenticated frames are taken"
+    TAG = "wrong authentication tag"
     CRC = "wrong CRC"
     VALUE = "value out of range"
     TEST = "sent under test"
     STALE = "too old, or from the future"
+    BEFORE_START = "sent before this node started"
     OLD = "older than one accepted before, or the same again"
     INCONSISTENT = "other poles under the same state number"
+    SEQUENCE = "out of sequence, and no further frame confirms it yet"
 
 
 def ticks(t_ns: int) -> int:

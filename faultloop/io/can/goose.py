@@ -96,17 +96,28 @@ class Publisher:
 class Subscriber:
     """Accepts the states of one publisher.
 
+    What continues the state accepted last is taken at once, and so is the next state in number.  Anything
+    else (a first state with poles, a number that jumps or begins again, a counter that stands still) may be a
+    publisher that restarted, frames lost, or an accident: it is taken when a further frame bears it out.
+
     Parameters
     ----------
     repetition : the publisher's, for the time allowed to live.
-    max_age_ns : a frame whose time differs by more from the receiver's clock is rejected; None where the two
+    max_age_ns : a frame whose time is further behind the receiver's clock is rejected; None where the two
         have no common clock: then a publisher that was silent too long may come back with an earlier time.
+    max_ahead_ns : the same for a time that is ahead.  It is short, as an accepted frame bars all before it.
     test : this receiver is itself under test, and acts on frames sent under test.
+    start_ns : when this receiver started.  The first frame must have been sent since: what was sent before
+        may be a recording, and what a publisher still means it repeats.
+    confirmations : frames that must agree before a new state is taken.
     """
 
     repetition: Repetition = field(default_factory=Repetition)
     max_age_ns: int | None = 1000 * MS
+    max_ahead_ns: int = 100 * MS
     test: bool = False
+    start_ns: int = 0
+    confirmations: int = 1
     poles: int | None = None  # the state accepted last; None before the first
     alarm: bool = False  # the publisher has been silent for longer than it may
     lost: int = 0  # frames missed, by the counter, so a gap is counted modulo 15
@@ -114,29 +125,53 @@ class Subscriber:
     rejected: Counter[Rejection] = field(default_factory=Counter)
     expires_ns: int | None = None  # end of the newest frame's time allowed to live
     _last: State | None = None
+    _candidate: State | None = None  # the newest of `_agreeing` frames that agree, but not with `_last`
+    _agreeing: int = 0
 
     def receive(self, message: State, t_ns: int) -> bool | Rejection:
         """Take a message that arrived at `t_ns`.
 
         Returns True for a new state (once for each), False for a repetition, or why it is rejected.
         """
-        last = self._last
-        objection = self._objection(message, last, t_ns)
+        objection = self._objection(message, t_ns)
+        if objection is None and not self._borne_out(message):
+            contradicts = self._last is not None and _goes_on(message, self._last)
+            objection = Rejection.INCONSISTENT if contradicts else Rejection.SEQUENCE
         if objection is not None:
             self.rejected[objection] += 1
             return objection
-        self._last = message
+        return self._accept(message, t_ns)
+
+    def _accept(self, message: State, t_ns: int) -> bool:
+        last = self._last
+        self._last, self._candidate, self._agreeing = message, None, 0
         self.alarm = False
         self.expires_ns = t_ns + self.repetition.allowed_to_live_ns(message.sq_num)
         new = last is None or message.st_num != last.st_num or message.poles != last.poles
         if last is not None:
             step = _difference(message.st_num, last.st_num, 1 << 8)
-            if step < 0 or (step == 0 and new):
+            if step < 0 or (step == 0 and not _continues(message, last)):
                 self.restarts += 1
             else:
                 self.lost += (message.counter - last.counter - 1) % P01_COUNTERS
         self.poles = message.poles
         return new
+
+    def _borne_out(self, message: State) -> bool:
+        """Does it follow what was accepted, or do enough frames in a row agree on it?"""
+        last, candidate = self._last, self._candidate
+        if last is None:
+            needed = self.confirmations if message.poles == 0 else max(2, self.confirmations)
+        elif _continues(message, last):
+            return True
+        else:
+            needed = self.confirmations if _succeeds(message, last) else max(2, self.confirmations)
+        agrees = candidate is not None and (
+            _later(message, candidate) and (_continues(message, candidate) or _succeeds(message, candidate))
+        )
+        self._agreeing = self._agreeing + 1 if agrees else 1
+        self._candidate = message
+        return self._agreeing >= needed
 
     def supervise(self, t_ns: int) -> bool:
         """True once, when the newest frame's time allowed to live has run out by `t_ns`: raise an alarm."""
@@ -149,22 +184,18 @@ class Subscriber:
         """An independent copy."""
         return replace(self, rejected=Counter(self.rejected))
 
-    def _objection(self, message: State, last: State | None, t_ns: int) -> Rejection | None:
+    def _objection(self, message: State, t_ns: int) -> Rejection | None:
         if message.test and not self.test:
             return Rejection.TEST
         if self.max_age_ns is not None:
-            age_ns = _difference(ticks(t_ns), message.time, 1 << 32) * TICK_NS
-            if abs(age_ns) > self.max_age_ns:
+            age = _difference(ticks(t_ns), message.time, 1 << 32)
+            if not -self.max_ahead_ns <= age * TICK_NS <= self.max_age_ns:
                 return Rejection.STALE
-        if last is None:
+            if self._last is None and t_ns // TICK_NS - age < self.start_ns // TICK_NS:
+                return Rejection.BEFORE_START
+        if self._last is None or _later(message, self._last):
             return None
-        silent = self._silent(t_ns)
-        if not _later(message, last) and not (silent and self.max_age_ns is None):
-            return Rejection.OLD
-        same_state = message.st_num == last.st_num and _difference(message.sq_num, last.sq_num, 1 << 8) > 0
-        if same_state and message.poles != last.poles and not silent:
-            return Rejection.INCONSISTENT
-        return None
+        return None if self.max_age_ns is None and self._silent(t_ns) else Rejection.OLD
 
     def _silent(self, t_ns: int) -> bool:
         return self.expires_ns is not None and t_ns >= self.expires_ns
@@ -178,6 +209,31 @@ def _later(message: State, last: State) -> bool:
         or _difference(message.sq_num, last.sq_num, 1 << 8)
     )
     return order > 0
+
+
+def _continues(message: State, last: State) -> bool:
+    """Is it a repetition of the same state?"""
+    return message.poles == last.poles and _goes_on(message, last)
+
+
+def _goes_on(message: State, last: State) -> bool:
+    """Is it numbered as a later frame of the same state?  Counter and `sq_num` have then gone on by as much.
+
+    Modulo 15, the counter's period, that holds where `sq_num` goes from 255 to 1, too.
+    """
+    if message.st_num != last.st_num or message.sq_num == 0:
+        return False
+    frames = (message.sq_num - last.sq_num) % 255
+    return frames > 0 and (message.counter - last.counter - frames) % P01_COUNTERS == 0
+
+
+def _succeeds(message: State, last: State) -> bool:
+    """Is it of the very next state?  The same counter again is what E2E profile 1 calls repeated."""
+    return (
+        _difference(message.st_num, last.st_num, 1 << 8) == 1
+        and message.poles != last.poles
+        and message.counter != last.counter
+    )
 
 
 def _difference(a: int, b: int, modulus: int) -> int:

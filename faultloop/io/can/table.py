@@ -7,7 +7,7 @@ The DBC (``dbc.py``) is generated from it, the tests hold the codecs (``frames.p
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 RELAYS = 16
@@ -34,6 +34,14 @@ class Kind(IntEnum):
 
 
 STATE_KINDS = (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.BREAKER_STATUS)
+
+
+class Alarm(IntFlag):
+    """Bits of a heartbeat's `alarms`."""
+
+    SILENT = 1  # a publisher that it follows has been silent for too long
+    REJECTED = 2  # it has refused frames since its last heartbeat
+    BUS = 4
 
 
 class Signal(NamedTuple):
