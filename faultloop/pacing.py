@@ -27,6 +27,8 @@ class Percentiles:
         return cls(len(wall_ms), *np.percentile(wall_ms, (50, 95, 99, 100)).tolist())
 
     def __str__(self) -> str:
+        if self.count == 0:
+            return "none"
         return f"median {self.median:.2f} p95 {self.p95:.2f} p99 {self.p99:.2f} max {self.greatest:.2f} ms"
 
 
@@ -58,7 +60,8 @@ class Pacing:
     Attributes
     ----------
     pace : run time in a second of wall time.
-    samples, missed : of the plant, and how many of them came later than the next one was due.
+    samples, missed : of the plant (in one process: blocks of samples), and how many of them came later than
+        the next sample was due.
     jitter : how late they were, wall time.
     reaction : from the sample that a relay tripped at to its breaker's taking the frame, wall time; empty in
         one process, where the bus model says when.
@@ -77,3 +80,28 @@ class Pacing:
     lost: dict[str, int] = field(default_factory=dict)
     dropped: dict[str, int] = field(default_factory=dict)
     retries: dict[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of_blocks(cls, pace: float, deadlines: Deadlines) -> Pacing:
+        """Of a run in one process, which keeps time by blocks of about a millisecond."""
+        late = deadlines.late_ns
+        return cls(pace, len(late), deadlines.missed, Percentiles.of(late, pace))
+
+    def lines(self) -> list[str]:
+        """For a person."""
+        told = [
+            f"pace {self.pace:g}: {self.samples} samples, {self.missed} missed their deadline;"
+            f" jitter {self.jitter}"
+        ]
+        if self.reaction.count:
+            told.append(f"reaction, sample taken to frame received by the breaker: {self.reaction}")
+        told += [f"{name}, sample to estimate: {own}" for name, own in self.latency.items()]
+        for what, counts in (
+            ("samples lost", self.lost),
+            ("frames dropped by the kernel", self.dropped),
+            ("full transmit queue, frames sent again", self.retries),
+        ):
+            some = ", ".join(f"{name} {count}" for name, count in counts.items() if count)
+            if counts:
+                told.append(f"{what}: {some or 'none'}")
+        return told

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import open_transport
+from faultloop.pacing import Pacing
 from faultloop.recording import MemorySink, Recorder, Sink, describe, open_streams
 from faultloop.relay import Relay, RelaySettings, load_settings
 from faultloop.result import Result, judge
@@ -100,6 +101,7 @@ def run(
         bus_load=load,
         fault_locations={place.name: relays[place.name].fault_location for place in scenario.relay},
         interrupted=simulation.interrupted,
+        pacing=None if pace is None else Pacing.of_blocks(pace, simulation.deadlines),
         memory=memory,
         rerun=streams.rerun,
     )

@@ -30,6 +30,7 @@ from faultloop.nodes import (
     relay_node,
     with_followed_breakers,
 )
+from faultloop.pacing import Deadlines
 from faultloop.plant import Plant
 from faultloop.recording import Recorder
 from faultloop.relay import Relay, RelayInputs, Trip
@@ -89,6 +90,8 @@ class Simulation:
         own = [self._breaker_names[i] for i in self._breaker_nodes]
         self._senders = (*(place.name for place in scenario.relay), *own)
         self.can_frames = 0
+        self.deadlines = Deadlines(SECOND_NS // self.sampling_hz)
+        """Of the blocks, in a run that is paced."""
         self.interrupted = False
         self._pace = pace
         # In real time a block must not keep anybody waiting; in simulated time it may be long.
@@ -138,11 +141,16 @@ class Simulation:
             if progress is not None:
                 progress(k / self.total)
             if self._pace is not None:
-                ahead = self._sample_ns(k) / 1e9 / self._pace - (time.monotonic() - started)
-                if ahead > 0:
-                    time.sleep(ahead)
+                self._keep_time(self._sample_ns(k), started, self._pace)
         self._serve_bus(self._sample_ns(k))
         self.simulated_ns = self._sample_ns(k)
+
+    def _keep_time(self, t_ns: int, started: float, pace: float) -> None:
+        """Sleep until `t_ns`; note how late it has become."""
+        ahead_s = t_ns / 1e9 / pace - (time.monotonic() - started)
+        if ahead_s > 0:
+            time.sleep(ahead_s)
+        self.deadlines.note(t_ns, round((time.monotonic() - started) * pace * 1e9))
 
     def _begin(self) -> None:
         before = self.plant.history(self.sampling_hz)  # a second: whole cycles at any nominal frequency

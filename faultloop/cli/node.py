@@ -34,20 +34,9 @@ def command(
     closed: Annotated[
         int, typer.Option(min=0, max=7, help="breaker: mask of the poles that are closed when it starts.")
     ] = 7,
-    supervised: Annotated[bool, typer.Option("--supervised", hidden=True)] = False,
 ) -> int:
     """One real process on a real bus: the plant, a relay or a breaker; any may be a device of your own."""
-    from faultloop.live.nodes import run_role
+    from faultloop.live.nodes import NodeOptions, run_role
 
-    whole = run_role(
-        role.value,
-        scenario,
-        name,
-        can=can,
-        pace=pace,
-        log=log,
-        overrides=set_ or [],
-        closed=closed,
-        supervised=supervised,
-    )
-    return 0 if whole else 130
+    options = NodeOptions(role.value, scenario, name, can, pace, log, tuple(set_ or ()), closed)
+    return 0 if run_role(options) else 130

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
@@ -44,6 +45,8 @@ def result_as_dict(result: Result) -> dict[str, Any]:
         ],
         "fault_locations_pu": result.fault_locations,
         "can": {"frames": result.can_frames, "load": result.bus_load},
+        "pacing": None if result.pacing is None else asdict(result.pacing),
+        "died": list(result.died),
         "expectations": [
             {"relay": v.expect.relay, "trip": v.expect.trip, "held": v.held, "why": v.why}
             for v in result.expectations
@@ -93,6 +96,11 @@ def print_result(result: Result) -> None:
         out.print(table("Expectations", ["", "relay", "expected", "what happened"], rows))
     load = "" if result.bus_load is None else f", bus load {100 * result.bus_load:.1f} %"
     out.print(f"\n{result.can_frames} CAN frames{load}")
+    if result.pacing is not None:
+        for line in result.pacing.lines():
+            out.print(line)
+    if result.died:
+        out.print(f"ended before the run did: {', '.join(result.died)}", style="red")
     if result.interrupted:
         out.print(f"interrupted at {result.simulated_s:g} s", style="yellow")
     if result.log is not None:

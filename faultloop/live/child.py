@@ -3,125 +3,131 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import queue
 import signal
-import subprocess
 import sys
-import tempfile
-import threading
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator
+from multiprocessing import get_all_start_methods, get_context
+from multiprocessing.context import BaseContext
+from types import ModuleType
 from typing import Any
 
 from faultloop.errors import InputError
 from faultloop.live.clock import RunClock
+from faultloop.live.nodes import NodeOptions, run_supervised
 
 END_WITHIN_S = 10.0
 """How long a process that is told to end may take to close its log."""
 
+_PRELOADED = ["breaker", "link", "plant", "relay"]
+
+
+def _context() -> BaseContext:
+    """Where there is a fork server, nodes are its children: numba and the rest are then imported once and not
+    by each of them, which took 4 of 5 s of a node's start on the slow guest of the tests."""
+    if "forkserver" not in get_all_start_methods():
+        return get_context("spawn")
+    context = get_context("forkserver")
+    modules = [f"faultloop.live.{name}" for name in _PRELOADED]
+    context.set_forkserver_preload([*modules, "faultloop.io.mcap_writer"])
+    return context
+
+
+@contextlib.contextmanager
+def _without_main() -> Iterator[None]:
+    """Nodes need nothing of the program that starts them; multiprocessing would run its main module again."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
 
 class Child:
-    """A process that speaks JSON lines (``process.Supervision``).
+    """A process that a `process.Supervision` connects with us.
 
     Parameters
     ----------
-    name : of the node.
-    arguments : of ``faultloop node``.
-    log : the log that it writes.
+    options : of the node, as ``faultloop node`` has them.
     """
 
-    def __init__(self, name: str, arguments: Sequence[str], log: Path) -> None:
-        self.name, self.log = name, log
+    def __init__(self, options: NodeOptions) -> None:
+        self.name = options.name or options.role
+        self.log = options.log
         self.statistics: dict[str, Any] = {}
         self.ready = False
-        self._said: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        self._errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - it lives as long as this
-        command = [sys.executable, "-m", "faultloop", "node", *arguments, "--log", str(log), "--supervised"]
-        self.process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self._errors,
-            text=True,
-            # Ctrl-C at the terminal is for the supervisor, which ends the nodes in order.
-            start_new_session=True,
+        self.last_words = ""
+        """Why it failed, in one line, if it did."""
+        context = _context()
+        self._connection, theirs = context.Pipe()
+        self.process = context.Process(  # type: ignore[attr-defined]
+            target=run_supervised, args=(theirs, options), name=f"faultloop {self.name}", daemon=True
         )
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        for line in self.process.stdout or ():
-            try:
-                self._said.put(json.loads(line))
-            except json.JSONDecodeError:
-                continue
+        with _without_main():
+            self.process.start()
+        theirs.close()
 
     def listen(self) -> None:
         """Take in what it has said."""
-        while not self._said.empty():
-            said = self._said.get()
-            self.ready = self.ready or bool(said.get("ready"))
-            self.statistics = said.get("statistics", self.statistics)
+        try:
+            while self._connection.poll():
+                said = self._connection.recv()
+                self.ready = self.ready or "ready" in said
+                self.statistics = said.get("statistics", self.statistics)
+                self.last_words = said.get("failed", self.last_words)
+        except (EOFError, OSError):  # it has ended
+            pass
 
     @property
     def ended(self) -> bool:
-        return self.process.poll() is not None
+        return self.status is not None
+
+    @property
+    def status(self) -> int | None:
+        """Its exit status, negative where a signal ended it; None while it runs."""
+        return self.process.exitcode
 
     def check(self) -> None:
         """InputError with its own word, if it has ended before it began."""
-        if not self.ended:
+        status = self.status
+        if status is None:
             return
-        status = self.process.returncode
-        lines = self.last_words().splitlines()
-        if status == 2 and lines:
-            raise InputError(lines[-1].removeprefix("faultloop: "))
+        self.listen()
+        if status == 2 and self.last_words:
+            raise InputError(self.last_words)
         raise InputError(
-            f"ended before the run began ({ended_how(status)}): {' '.join(lines[-1:])}", key=self.name
+            f"ended before the run began ({ended_how(status)}) {self.last_words}".rstrip(), key=self.name
         )
+
+    def _tell(self, what: dict[str, Any]) -> None:
+        with contextlib.suppress(OSError):  # it has died: whoever looks at `ended` will see
+            self._connection.send(what)
 
     def start(self, clock: RunClock) -> None:
         """Tell it when time zero is."""
-        try:
-            assert self.process.stdin is not None
-            self.process.stdin.write(
-                json.dumps({"epoch_ns": clock.epoch_ns, "start_ns": clock.start_ns}) + "\n"
-            )
-            self.process.stdin.flush()
-        except BrokenPipeError:  # it has died: whoever polls it will see
-            pass
+        self._tell({"epoch_ns": clock.epoch_ns, "start_ns": clock.start_ns})
 
     def end(self) -> None:
         """Ask it to close its log and end."""
-        if not self.ended:
-            self.process.send_signal(signal.SIGTERM)
+        self._tell({"end": True})
 
-    def wait(self, timeout_s: float = END_WITHIN_S) -> int:
+    def wait(self, timeout_s: float = END_WITHIN_S) -> int | None:
         """Wait for its end; after `timeout_s` it is killed."""
-        try:
-            self.process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        self._reader.join(1.0)
+        self.process.join(timeout_s)
+        self.kill()
         self.listen()
-        return self.process.returncode
+        return self.status
 
-    def last_words(self) -> str:
-        """Its standard error so far."""
-        self._errors.seek(0)
-        return self._errors.read().strip()
-
-    def close(self) -> None:
+    def kill(self) -> None:
         """It is not there any more, whatever it was doing."""
         if not self.ended:
             self.process.kill()
-            self.process.wait()
-        for stream in (self.process.stdin, self.process.stdout):
-            if stream is not None:
-                with contextlib.suppress(BrokenPipeError):
-                    stream.close()
-        self._errors.close()
+            self.process.join()
+
+    def close(self) -> None:
+        """Leave it; kill it if it is there."""
+        self.kill()
+        self._connection.close()
 
 
 def ended_how(status: int) -> str:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.live.link import open_link
-from faultloop.live.process import Node, run_node
+from faultloop.live.process import Node, Supervision, run_node
 from faultloop.recording import check_log_path, versions
 from faultloop.scenario import Scenario, load_scenario
 
@@ -61,29 +62,62 @@ def make_node(scenario: Scenario, role: Role, number: int, closed: int = 7) -> t
     return breaker.BreakerProcess(scenario, number, closed), breaker.identifiers(scenario, number)
 
 
-def run_role(
-    role: Role,
-    scenario: Path,
-    name: str | None,
-    *,
-    can: str | None,
-    pace: float,
-    log: Path | None,
-    overrides: Sequence[str],
-    closed: int,
-    supervised: bool,
-) -> bool:
+@dataclass(frozen=True)
+class NodeOptions:
+    """What ``faultloop node`` is told.
+
+    Attributes
+    ----------
+    name : of the relay or breaker; None for the plant.
+    can : ``"INTERFACE:CHANNEL"`` in place of the scenario's.
+    closed : a breaker's mask of poles that are closed when its process starts.
+    """
+
+    role: Role
+    scenario: Path
+    name: str | None = None
+    can: str | None = None
+    pace: float = 1.0
+    log: Path | None = None
+    overrides: tuple[str, ...] = ()
+    closed: int = 7
+
+
+def run_role(options: NodeOptions, supervision: Supervision | None = None) -> bool:
     """Run one node until the scenario's end; False if it was told to stop before."""
-    checked = load_scenario(scenario, overrides)
-    check_pace(pace)
-    number = number_of(checked, role, name)
-    if log is not None:
-        check_log_path(log)
+    scenario = load_scenario(options.scenario, options.overrides)
+    check_pace(options.pace)
+    number = number_of(scenario, options.role, options.name)
+    if options.log is not None:
+        check_log_path(options.log)
     # The bus first: it is wrong more often than the rest, and found at once.
-    open_link(bus_of(checked, can), fd=True).close()
-    node, wanted = make_node(checked, role, number, closed)
-    link = open_link(bus_of(checked, can), fd=True, identifiers=[*wanted, TIME])
-    metadata = {"node": {"role": role, "name": node.name, "pace": f"{pace:g}"}, "versions": versions()}
+    bus = bus_of(scenario, options.can)
+    open_link(bus, fd=True).close()
+    node, wanted = make_node(scenario, options.role, number, options.closed)
+    link = open_link(bus, fd=True, identifiers=[*wanted, TIME])
+    metadata = {
+        "node": {"role": options.role, "name": node.name, "pace": f"{options.pace:g}"},
+        "versions": versions(),
+    }
     return run_node(
-        node, link, pace, log=log, supervised=supervised, metadata=metadata, leads=role == "plant"
+        node,
+        link,
+        options.pace,
+        log=options.log,
+        supervision=supervision,
+        metadata=metadata,
+        leads=options.role == "plant",
     )
+
+
+def run_supervised(connection: Connection, options: NodeOptions) -> None:
+    """A node whose supervisor holds the other end of `connection`: what a process runs."""
+    supervision = Supervision(connection, options.name or options.role)
+    try:
+        run_role(options, supervision)
+    except InputError as error:
+        supervision.tell({"failed": str(error)})
+        raise SystemExit(2) from None
+    except Exception as error:
+        supervision.tell({"failed": f"{type(error).__name__}: {error}"})
+        raise

@@ -1,21 +1,20 @@
 """What every node's process does: learn when time zero is, serve the bus until the end, say how it went.
 
-Under a supervisor it speaks JSON lines with it: ``{"ready": true}`` out, ``{"epoch_ns": .., "start_ns": ..}``
-in, its statistics out at the end.  When its standard input ends, the supervisor is gone, and so is the node.
+Under a supervisor a pipe joins the two: ``ready`` out, when time zero is in, ``end`` in, its statistics out.
+When the pipe breaks, the supervisor is gone, and the node ends as if it had been told to.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
 import math
-import os
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -57,7 +56,7 @@ class Node(Protocol):
 
 @dataclass
 class Stop:
-    """Set by a signal, or when the supervisor is gone."""
+    """Set by a signal, by the supervisor, or when the supervisor is gone."""
 
     wanted: threading.Event = field(default_factory=threading.Event)
 
@@ -67,49 +66,55 @@ class Stop:
 
 
 class Supervision:
-    """The node's end of the pipes to its supervisor."""
+    """The node's end of the pipe to its supervisor."""
 
-    def __init__(self, stop: Stop) -> None:
-        self._stop = stop
-        self._lines: list[str] = []
-        self._arrived = threading.Condition()
-        _die_with_parent()
+    def __init__(self, connection: Connection, name: str) -> None:
+        self.stop = Stop()
+        self._connection = connection
+        self._clock: dict[str, int] | None = None
+        self._arrived = threading.Event()
+        self.stop.install()
+        # Ctrl-C at the terminal is for the supervisor, which ends the nodes in order.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _as_linux_shall_know_it(name)
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
-        for line in sys.stdin:
-            with self._arrived:
-                self._lines.append(line)
-                self._arrived.notify()
-        self._stop.wanted.set()
-        with self._arrived:
-            self._arrived.notify()
+        told: dict[str, Any] = {}
+        try:
+            while "end" not in told:
+                told = self._connection.recv()
+                if "epoch_ns" in told:
+                    self._clock = told
+                    self._arrived.set()
+        except (EOFError, OSError):
+            pass
+        self.stop.wanted.set()
+        self._arrived.set()
 
     def clock(self, pace: float) -> RunClock | None:
         """Say that the node is ready; the clock that the supervisor names, None if it ends instead."""
-        print(json.dumps({"ready": True}), flush=True)
-        with self._arrived:
-            while not self._lines:
-                if self._stop.wanted.is_set():
-                    return None
-                self._arrived.wait(LONGEST_WAIT_S)
-            told = json.loads(self._lines.pop(0))
-        return RunClock(told["epoch_ns"], told["start_ns"], pace)
+        self.tell({"ready": True})
+        while not self._arrived.wait(LONGEST_WAIT_S):
+            if self.stop.wanted.is_set():
+                return None
+        told = self._clock
+        return None if told is None else RunClock(told["epoch_ns"], told["start_ns"], pace)
 
-    def tell(self, statistics: Mapping[str, Any]) -> None:
-        with contextlib.suppress(BrokenPipeError):  # nobody is left to hear it
-            print(json.dumps(statistics), flush=True)
+    def tell(self, what: Mapping[str, Any]) -> None:
+        with contextlib.suppress(OSError):  # nobody is left to hear it
+            self._connection.send(what)
 
 
-def _die_with_parent() -> None:
-    """Linux ends this process when the supervisor is killed, even while it computes."""
+def _as_linux_shall_know_it(name: str) -> None:
+    """The node's name in `ps` and `top`; and the node ends when its parent is killed."""
     if sys.platform == "linux":
         import ctypes
 
-        pr_set_pdeathsig = 1
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGTERM)
-        if os.getppid() == 1:  # it was killed before that
-            raise SystemExit(1)
+        pr_set_pdeathsig, pr_set_name = 1, 15
+        libc = ctypes.CDLL(None)
+        libc.prctl(pr_set_pdeathsig, signal.SIGTERM)
+        libc.prctl(pr_set_name, name.encode()[:15])
 
 
 def plant_clock(link: Link, pace: float, stop: Stop, told: Callable[[str], None]) -> RunClock | None:
@@ -173,7 +178,7 @@ def run_node(
     pace: float,
     *,
     log: Path | None,
-    supervised: bool,
+    supervision: Supervision | None,
     metadata: dict[str, dict[str, str]],
     leads: bool = False,
 ) -> bool:
@@ -181,11 +186,12 @@ def run_node(
 
     Parameters
     ----------
+    supervision : None for a node that was started by hand.
     leads : without a supervisor its own start is time zero (the plant); others wait for the plant's time.
     """
-    stop = Stop()
-    stop.install()
-    supervision = Supervision(stop) if supervised else None
+    stop = Stop() if supervision is None else supervision.stop
+    if supervision is None:
+        stop.install()
     try:
         if supervision is not None:
             clock = supervision.clock(pace)
@@ -198,7 +204,7 @@ def run_node(
         recorder = open_log(log, clock, metadata)
         try:
             node.begin(recorder)
-            linger_s = LINGER_S if not supervised else 0.0 if leads else math.inf
+            linger_s = LINGER_S if supervision is None else 0.0 if leads else math.inf
             serve(node, link, clock, stop, linger_s)
         except BaseException:
             recorder.abort()

@@ -19,7 +19,7 @@ from faultloop.live.child import Child, ended_how
 from faultloop.live.clock import RunClock
 from faultloop.live.link import Link, open_link
 from faultloop.live.merge import merge
-from faultloop.live.nodes import Role, bus_of, check_pace
+from faultloop.live.nodes import NodeOptions, Role, bus_of, check_pace
 from faultloop.live.outcome import read_result
 from faultloop.pacing import Pacing, Percentiles
 from faultloop.recording import Recorder, check_log_path, describe
@@ -87,15 +87,20 @@ class Supervisor:
     def spawn(self, name: str) -> Child:
         """Start the process of a node."""
         role = self._roles[name]
-        arguments = [role, str(self.scenario.path), *([] if role == PLANT else [name])]
-        arguments += ["--can", self._bus, "--pace", repr(self.pace)]
-        for override in self._overrides:
-            arguments += ["--set", override]
-        if role == "breaker":
-            number = [b.name for b in self.scenario.breaker].index(name)
-            arguments += ["--closed", str(self.closed[number])]
+        breakers = [breaker.name for breaker in self.scenario.breaker]
         again = sum(child.name == name for child in self._past)
-        child = Child(name, arguments, self.folder / f"{name}{f'-{again}' if again else ''}.mcap")
+        assert self.scenario.path is not None
+        options = NodeOptions(
+            role,
+            Path(self.scenario.path).resolve(),
+            None if role == PLANT else name,
+            self._bus,
+            self.pace,
+            (self.folder / f"{name}{f'-{again}' if again else ''}.mcap").resolve(),
+            tuple(self._overrides),
+            self.closed[breakers.index(name)] if role == "breaker" else 7,
+        )
+        child = Child(options)
         self._children[name] = child
         return child
 
@@ -133,8 +138,7 @@ class Supervisor:
     def kill(self, name: str) -> None:
         """As ``kill -9`` does; it counts as meant."""
         child = self._children[name]
-        child.process.kill()
-        child.process.wait()
+        child.kill()
         self.event("warning", f"{name} was killed")
 
     def event(self, level: str, text: str) -> None:
@@ -194,17 +198,10 @@ class Supervisor:
     def _watch(self) -> None:
         """A node that ends before the run does is told of once; the others go on."""
         for name, child in self._children.items():
-            if (
-                child.ended
-                and name not in self.died
-                and not (name == PLANT and child.process.returncode == 0)
-            ):
+            if child.ended and name not in self.died and not (name == PLANT and child.status == 0):
                 self.died.append(name)
-                how = ended_how(child.process.returncode)
-                words = child.last_words().splitlines()[-1:]
-                self.event(
-                    "error", f"{name} ended before the run did: {how}{': ' if words else ''}{''.join(words)}"
-                )
+                why = f": {child.last_words}" if child.last_words else ""
+                self.event("error", f"{name} ended before the run did: {ended_how(child.status or 0)}{why}")
 
     def finish(self) -> None:
         """End all processes; each closes its log, or its log is recovered."""
@@ -223,7 +220,8 @@ class Supervisor:
     @property
     def logs(self) -> list[Path]:
         """Of all processes, and of the bus."""
-        return [child.log for child in (*self._past, *self._children.values())] + [self.folder / "bus.mcap"]
+        children = (*self._past, *self._children.values())
+        return [*(child.log for child in children if child.log is not None), self.folder / "bus.mcap"]
 
     def pacing(self) -> Pacing:
         """How well the processes kept time; reactions are the result's."""

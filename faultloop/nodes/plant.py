@@ -40,6 +40,10 @@ class PlantNode:
         begins_ns = first_sample * SECOND_NS // sampling_hz
         followed = with_followed_breakers(scenario, frozenset(b.name for b in scenario.breaker))
         self.plant = Plant(_going_on(followed, begins_ns))
+        # The first sample of all must not wait for the kernels to be loaded.
+        state = self.plant.save()
+        self.plant.advance(1)
+        self.plant.restore(state)
         self.sampling_hz = sampling_hz
         self.total = -(-round(scenario.scenario.duration_s * 1e9) * sampling_hz // SECOND_NS)
         self.sample_count = self.first_sample = first_sample
