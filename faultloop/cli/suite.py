@@ -9,7 +9,7 @@ import typer
 
 
 def command(
-    name: Annotated[str, typer.Argument(metavar="estimators|synchrophasor|seeds", help="Which suite.")],
+    name: Annotated[str, typer.Argument(metavar="bus|estimators|synchrophasor|seeds", help="Which suite.")],
     parts: Annotated[
         list[str] | None, typer.Argument(metavar="[PART]...", help="Only these parts of it.")
     ] = None,

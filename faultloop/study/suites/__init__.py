@@ -10,6 +10,7 @@ from faultloop.errors import InputError, nearest
 from faultloop.study.report import Report
 
 SUITES = {
+    "bus": "a breaker node under fuzzed frames; the bus under faults",
     "estimators": "every estimator over decay constants, inception angles, noise and frequency",
     "seeds": "the five papers' cases, their figures beside ours",
     "synchrophasor": "the class tests of IEC/IEEE 60255-118-1",
