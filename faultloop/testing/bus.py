@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import sys
 import tempfile
@@ -17,10 +16,9 @@ import pytest
 
 from faultloop.errors import InputError
 from faultloop.io.can.transport import open_bus
-from faultloop.result import Result
 from faultloop.runner import run
 from faultloop.scenario import Scenario, load_scenario
-from faultloop.testing.run import Progress, Start, TestRun
+from faultloop.testing.run import Start, TestRun
 
 if TYPE_CHECKING:
     from can import BusABC
@@ -110,8 +108,13 @@ class FaultloopBus:
             pytest.skip(f"needs {can}: {reason}")
         on = can or self.can
         log = self._folder / f"run-{len(self.runs) + 1}.mcap"
-        make = _processes if processes else _in_process
-        start = make(checked, on, self._pace if pace is None else pace, without, log)
+        rate = self._pace if pace is None else pace
+        if processes:
+            if isinstance(scenario, Scenario):
+                raise InputError("processes read the scenario themselves: give its file", key="scenario")
+            start = _processes(self._find(scenario), on, rate, without, overrides, log)
+        else:
+            start = _in_process(checked, on, rate, without, log)
         started = TestRun(checked, start, log)
         self.runs.append(started)
         started.begin()
@@ -162,14 +165,14 @@ def _in_process(scenario: Scenario, can: str, pace: float, without: Sequence[str
     return lambda progress: run(scenario, can=can, pace=limited, without=without, log=log, progress=progress)
 
 
-def _processes(scenario: Scenario, can: str, pace: float, without: Sequence[str], log: Path) -> Start:
-    live = importlib.import_module("faultloop.live")
+def _processes(
+    file: Path, can: str, pace: float, without: Sequence[str], overrides: Sequence[str], log: Path
+) -> Start:
+    from faultloop.live.supervisor import run_processes
 
-    def start(progress: Progress) -> Result:
-        progress(0.0)
-        return live.run_processes(scenario, can=can, pace=pace, without=without, log=log)
-
-    return start
+    return lambda progress: run_processes(
+        file, can=can, pace=pace, without=without, overrides=overrides, log=log, progress=progress
+    )
 
 
 @contextmanager

@@ -166,3 +166,21 @@ def test_a_live_capture_reads_back(captured: Captured, name: str) -> None:
     extra = Counter(live) - Counter(own)  # what the user's breaker sent when the run was over
     assert not Counter(own) - Counter(live)
     assert {identifier for identifier, _ in extra} <= {0x100}
+
+
+@pytest.mark.faultloop_can("socketcan:vcan0")
+def test_the_users_breaker_among_processes(faultloop_bus: FaultloopBus) -> None:
+    """Plant, relays and the other breaker are processes; this one is the user's."""
+    words = (sys.executable, "examples/my_breaker.py", "socketcan", "vcan0", "--pace", "0.1")
+    breaker = subprocess.Popen(words)
+    try:
+        wait_for(1)
+        scenario = ROOT / "scenarios" / "ag-zone1.toml"
+        run = faultloop_bus.run(scenario, pace=0.1, without=["QA"], overrides=["can.fd=true"], processes=True)
+        assert run.trip("RB", zone=1).opened_ms is not None
+        assert run.trips[0].relay == "RA"
+        assert run.frames("BREAKER_STATUS", number=0)[-1].poles == ""
+        assert run.frames("SAMPLED_VALUES", number=0)
+    finally:
+        breaker.kill()
+        breaker.wait()
