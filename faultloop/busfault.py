@@ -24,8 +24,6 @@ Content = Literal["random", "replayed", "crafted"]
 
 STAGES = ("loss", "corruption", "delay", "duplication", "reordering")
 """Kinds that befall a frame between its sender and the bus."""
-ROGUES = ("babbling", "forging")
-"""Kinds that are nodes of their own."""
 
 _COMMON = {"name", "kind", "start_s", "duration_s"}
 _CHANCE = {"node", "message", "probability", "pattern", "burst_length"}

@@ -10,12 +10,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
+from typing import Any
 
 import numpy as np
 
+from faultloop.busfault import BusFault
+from faultloop.disturbances import Edge, Edges, counted, end_ns, without_effect
+from faultloop.disturbances import describe as describe_fault
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.frames import Frame, State, decode
+from faultloop.io.can.senders import Senders
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport
 from faultloop.nodes import (
@@ -30,6 +35,7 @@ from faultloop.nodes import (
     relay_node,
     with_followed_breakers,
 )
+from faultloop.nodes.rogue import rogue_nodes
 from faultloop.pacing import Deadlines
 from faultloop.plant import Plant
 from faultloop.recording import Recorder
@@ -42,6 +48,7 @@ BLOCK = 240
 """Samples that plant and relays run ahead at most."""
 
 PLANT_EVENTS = "/plant/events"
+CAN_EVENTS = "/can/events"
 
 
 class Simulation:
@@ -86,9 +93,15 @@ class Simulation:
             i: self._breaker_node(i) for i in numbers if self._breaker_names[i] not in left_out
         }
         self._followers = {i: self._follower(i) for i in numbers if self._breaker_names[i] in left_out}
-        self._nodes = (*self._relay_nodes, *self._breaker_nodes.values())
-        own = [self._breaker_names[i] for i in self._breaker_nodes]
-        self._senders = (*(place.name for place in scenario.relay), *own)
+        self._relay_names = [place.name for place in scenario.relay]
+        self._names = (*self._relay_names, *(self._breaker_names[i] for i in self._breaker_nodes))
+        self._rogues = rogue_nodes(scenario)
+        self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
+        self._edges = Edges(scenario.bus_fault)
+        self._deaf: frozenset[str] = frozenset()  # off the bus
+        self._away: frozenset[str] = frozenset()  # restarting
+        self._cold: list[Any] = []  # the relays' states before anything was measured
+        self._seat()
         self.can_frames = 0
         self.deadlines = Deadlines(SECOND_NS // self.sampling_hz)
         """Of the blocks, in a run that is paced."""
@@ -99,9 +112,10 @@ class Simulation:
 
     # -- who is on the bus ----------------------------------------------------------------------------------
 
-    def _breaker_node(self, number: int) -> BreakerNode:
+    def _breaker_node(self, number: int, start_ns: int = 0) -> BreakerNode:
         name = self._breaker_names[number]
-        return breaker_node(self.scenario, number, self.plant.closed(name), self._reports_of(name))
+        closed, report = self.plant.closed(name), self._reports_of(name)
+        return breaker_node(self.scenario, number, closed, report, start_ns=start_ns)
 
     def _follower(self, number: int) -> BreakerFollower:
         name = self._breaker_names[number]
@@ -112,6 +126,16 @@ class Simulation:
             self._event(t_ns, name, level, text, f"/breaker/{name}/events")
 
         return report
+
+    def _seat(self) -> None:
+        """Who is asked for frames, and by which way they go."""
+        nodes = (*self._relay_nodes, *self._breaker_nodes.values())
+        own = [
+            (node, name, self._senders.send)
+            for node, name in zip(nodes, self._names, strict=True)
+            if name not in self._away
+        ]
+        self._seats = (*own, *((rogue, rogue.name, self._senders.send_one) for rogue in self._rogues))
 
     # -- the clock ------------------------------------------------------------------------------------------
 
@@ -144,6 +168,9 @@ class Simulation:
                 self._keep_time(self._sample_ns(k), started, self._pace)
         self._serve_bus(self._sample_ns(k))
         self.simulated_ns = self._sample_ns(k)
+        for fault in self.scenario.bus_fault:
+            if end_ns(fault) > self.simulated_ns:
+                self._tell(self.simulated_ns, fault, "still there at the end of the run")
 
     def _keep_time(self, t_ns: int, started: float, pace: float) -> None:
         """Sleep until `t_ns`; note how late it has become."""
@@ -156,6 +183,7 @@ class Simulation:
         before = self.plant.history(self.sampling_hz)  # a second: whole cycles at any nominal frequency
         for i, (place, relay) in enumerate(zip(self.scenario.relay, self.relays, strict=True)):
             self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
+            self._cold.append(relay.save())
             relay.warm_up(before[:, i])
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
@@ -166,7 +194,7 @@ class Simulation:
     def _next_ns(self) -> int:
         """When something on the bus may act or must be sent; no block may pass it."""
         acting = self.bus.next_event_ns() if self._acting_frame_pending() else None
-        due = self._next_poll_ns()
+        due = min(self._next_poll_ns(), self._senders.next_ns, self._edges.next_ns)
         return due if acting is None else min(acting, due)
 
     def _acting_frame_pending(self) -> bool:
@@ -179,16 +207,17 @@ class Simulation:
         """Run plant and relays over up to `n` samples from sample `k`; returns how many were run."""
         plant = self.plant
         plant_before = plant.save()
-        relays_before = [relay.save() for relay in self.relays]
+        running = self._running()
+        relays_before = [relay.save() for _, relay in running]
         produced = done = plant.advance(n)
         reached = []
-        for i, relay in enumerate(self.relays):
+        for i, relay in running:
             done = relay.advance(plant.samples[:done, i])
             reached.append(done)
         # Whoever ran past the first change goes back and stops with it.
-        for i, (relay, m) in enumerate(zip(self.relays, reached, strict=True)):
+        for (i, relay), before, m in zip(running, relays_before, reached, strict=True):
             if m > done:
-                relay.restore(relays_before[i])
+                relay.restore(before)
                 relay.advance(plant.samples[:done, i])
         if produced > done:
             plant.restore(plant_before)
@@ -199,12 +228,16 @@ class Simulation:
         self._record_relays(last_ns)
         return done
 
+    def _running(self) -> list[tuple[int, Relay]]:
+        """The relays that are not restarting, by number."""
+        return [(i, relay) for i, relay in enumerate(self.relays) if self._relay_names[i] not in self._away]
+
     def _record_samples(self, k: int, m: int) -> None:
         counts = np.arange(k, k + m)
         t_ns = counts * SECOND_NS // self.sampling_hz
-        for i, (place, relay) in enumerate(zip(self.scenario.relay, self.relays, strict=True)):
+        for i, relay in self._running():
             self.recorder.relay_block(
-                place.name,
+                self._relay_names[i],
                 t_ns,
                 counts,
                 self.plant.samples[:m, i],
@@ -237,7 +270,8 @@ class Simulation:
 
     def _record_relays(self, t_ns: int) -> None:
         """Events, trips and outputs of the relays' last block, which ends at `t_ns`."""
-        for place, relay, node in zip(self.scenario.relay, self.relays, self._relay_nodes, strict=True):
+        for i, relay in self._running():
+            place, node = self.scenario.relay[i], self._relay_nodes[i]
             for event in relay.events:
                 at_ns = self._sample_ns(event.sample_count)
                 self._event(at_ns, place.name, event.level, event.text, f"/relay/{place.name}/events")
@@ -283,19 +317,23 @@ class Simulation:
     # -- the bus --------------------------------------------------------------------------------------------
 
     def _next_poll_ns(self) -> int:
-        return min((node.next_ns for node in self._nodes), default=FOREVER)
+        return min((node.next_ns for node, _, _ in self._seats), default=FOREVER)
 
     def _serve_bus(self, t_ns: int) -> None:
         """Send what is due and deliver what arrives, in order of time, up to and including `t_ns`."""
         while True:
             arrival = self.bus.next_event_ns()
-            now = min(self._next_poll_ns(), FOREVER if arrival is None else arrival)
+            own = min(self._next_poll_ns(), self._senders.next_ns, self._edges.next_ns)
+            now = min(own, FOREVER if arrival is None else arrival)
             if now > t_ns:
                 break
             self._deliver(now)
-            for node, sender in zip(self._nodes, self._senders, strict=True):
+            for edge in self._edges.due(now):
+                self._turn(edge)
+            self._senders.release(now)
+            for node, name, send in self._seats:
                 for frame in node.poll(now):
-                    self.bus.submit(now, frame, sender)
+                    send(now, frame, name)
         self._deliver(t_ns)
 
     def _deliver(self, until_ns: int) -> None:
@@ -309,13 +347,17 @@ class Simulation:
                 data=frame.data,
                 extended=frame.extended,
                 fd=frame.fd,
-                direction="tx" if sender in self._senders else "rx",
+                direction="tx" if sender in self._names else "rx",
                 sender=str(sender or ""),
             )
-            for node, relay in zip(self._relay_nodes, self.relays, strict=True):
-                if node.receive(t_ns, frame):
+            for name, node, relay in zip(self._relay_names, self._relay_nodes, self.relays, strict=True):
+                if name not in self._deaf and node.receive(t_ns, frame):
                     relay.inputs = RelayInputs(node.breaker_closed, node.pilot_received)
+            for rogue in self._rogues:
+                rogue.receive(t_ns, frame)
             for number, node in self._breaker_nodes.items():
+                if self._breaker_names[number] in self._deaf:
+                    continue
                 command = node.receive(t_ns, frame)
                 if command is not None:
                     self._obey(number, command)
@@ -337,6 +379,38 @@ class Simulation:
         for trip in self.trips:
             if trip.relay == relay and trip.received_ns is None:
                 trip.received_ns = t_ns
+
+    # -- faults on the bus ----------------------------------------------------------------------------------
+
+    def _turn(self, edge: Edge) -> None:
+        """A fault begins or ends: who is off the bus, who goes and who comes back."""
+        t_ns, fault = edge.t_ns, edge.fault
+        self._tell(t_ns, fault, "begins" if edge.begins else "is over")
+        self._deaf = frozenset(name for name in self._names if self._senders.silent(name, t_ns))
+        if fault.kind != "restart" or fault.node not in self._names:
+            return
+        if edge.begins:
+            self._away |= {fault.node}
+        else:
+            self._away -= {fault.node}
+            self._rejoin(t_ns, fault.node)
+        self._seat()
+
+    def _tell(self, t_ns: int, fault: BusFault, what: str) -> None:
+        hits = f", {self._senders.hits[fault.name]} frames hit" if counted(fault) and what != "begins" else ""
+        what += " and has no effect: samples go by no frames" if without_effect(fault) else hits
+        self._event(t_ns, fault.name, "warning", f"{describe_fault(fault)} {what}", CAN_EVENTS)
+
+    def _rejoin(self, t_ns: int, name: str) -> None:
+        """A node starts anew and remembers nothing; a relay cold, a breaker with its poles as they are."""
+        if name not in self._relay_names:
+            number = self._breaker_names.index(name)
+            self._breaker_nodes[number] = self._breaker_node(number, t_ns)
+            return
+        number = self._relay_names.index(name)
+        self._relay_nodes[number] = relay_node(self.scenario, number, start_ns=t_ns)
+        self.relays[number].restore(self._cold[number])
+        self.relays[number].sample_count = self._first_sample_from(t_ns)
 
     # -- breakers that are somebody else's ------------------------------------------------------------------
 

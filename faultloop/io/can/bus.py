@@ -129,6 +129,10 @@ class SimulatedBus:
         """The frames that are waiting or on the wire."""
         return [frame for _, frame, _ in self._sending] + [waiting.frame for waiting in self._waiting]
 
+    def waiting_from(self, sender: object) -> int:
+        """How many frames of a sender wait for the bus, the one on the wire not counted."""
+        return sum(waiting.sender == sender for waiting in self._waiting)
+
     def save(self) -> tuple:
         """Everything that changes, for `restore`."""
         load = BusLoad(Counter(self.load.frames), dict(self.load.longest_wait_ns), self.load.busy_ns)

@@ -133,6 +133,10 @@ class Transport:
         """The frames that are waiting or on the wire."""
         return self.model.pending()
 
+    def waiting_from(self, sender: object) -> int:
+        """How many frames of a sender wait for the bus."""
+        return self.model.waiting_from(sender)
+
     def advance(self, until_ns: int) -> list[Delivery]:
         """Let time pass, for good: what was received up to `until_ns` has been shown to the others, too.
 
