@@ -11,7 +11,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from faultloop.errors import InputError, nearest
-from faultloop.io.can.frames import Frame, Message, Rejection, State, decode
+from faultloop.io.can.frames import Frame, Message, Rejection, State
+from faultloop.io.can.monitor import read
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import open_log
 from faultloop.result import Result, TripReport, Verdict, judge, pole_names
@@ -247,4 +248,4 @@ def _seen_frame(entry: Any) -> SeenFrame:
     frame = Frame(entry.id, bytes(entry.data), entry.extended, entry.fd)
     kind, number = BY_IDENTIFIER.get(frame.id, (None, frame.id))
     name = "UNKNOWN" if kind is None or frame.extended else kind.name
-    return SeenFrame(entry.t_ns / 1e6, name, number, entry.sender, frame, decode(frame))
+    return SeenFrame(entry.t_ns / 1e6, name, number, entry.sender, frame, read(frame))

@@ -8,6 +8,7 @@ import pytest
 
 from faultloop.cli import call
 from faultloop.errors import InputError
+from faultloop.io.can.authentication import CmacSeal
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.dbc import DBC_PATH, load_dbc, sender_name
 from faultloop.io.can.frames import Frame, Heartbeat, Measurements, Page, Rejection, SampledValues, State
@@ -96,6 +97,16 @@ def test_samples_measurements_and_unknown_frames() -> None:
     assert state_of(rows[0x300]) == ""
     assert monitor.content(rows[0x7EE]) == "01 02" and rows[0x7EE].name == ""
     assert state_of(rows[0x18FF0010]) == "1 unknown identifier"
+
+
+def test_an_authenticated_frame_is_read() -> None:
+    monitor, trip = BusMonitor(), Publisher(Kind.TRIP, 0)
+    frame = trip.poll(0)
+    assert frame is not None
+    monitor.take(0, CmacSeal({frame.id: bytes(16)}, epoch_ns=0).close(0, frame))
+    (row,) = monitor.sorted_rows()
+    assert monitor.content(row).startswith("poles none  st 1")
+    assert state_of(row) == "tag not checked"
 
 
 def test_another_dbc(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from faultloop.errors import InputError
+from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.bus import SECOND_NS
 from faultloop.io.can.dbc import message_name, sender_name
 from faultloop.io.can.frames import (
@@ -53,6 +54,8 @@ class Row:
     subscriber: Subscriber | None = None
     checked: bool = False
     """Its content is protected: CRC and counter."""
+    sealed: bool = False
+    """Authenticated frames, whose tag nobody checks here."""
     lap_count: int = 0
     next_counter: int | None = None
 
@@ -174,6 +177,12 @@ class BusMonitor:
         return row
 
 
+def read(frame: Frame) -> Message | Rejection:
+    """The message in a frame, also of an authenticated one: without keys its tag is not checked."""
+    kind, _ = BY_IDENTIFIER.get(frame.id, (None, 0))
+    return decode(unsealed(frame) if kind in STATE_KINDS else frame)
+
+
 def rejections(row: Row) -> Counter[Rejection]:
     """Frames that a receiver refuses, by cause."""
     return row.rejected if row.subscriber is None else row.rejected + row.subscriber.rejected
@@ -188,6 +197,7 @@ def state_of(row: Row) -> str:
     """What the protection of a row's frames says, in a few words."""
     words = [f"{count} {cause.value}" for cause, count in rejections(row).items()]
     words += [f"{lost(row)} lost"] if lost(row) else []
+    words += ["tag not checked"] if row.sealed else []
     words += ["silent"] if row.subscriber is not None and row.subscriber.alarm else []
     return ", ".join(words) or ("ok" if row.checked else "")
 
@@ -199,7 +209,7 @@ def _messages(database: Database | None) -> dict[tuple[int, bool], DbcMessage] |
 
 
 def _check(row: Row, t_ns: int, frame: Frame) -> None:
-    message = decode(frame)
+    message = read(frame)
     if isinstance(message, Rejection):
         row.rejected[message] += 1
         row.pages.setdefault(0, frame)
@@ -207,6 +217,7 @@ def _check(row: Row, t_ns: int, frame: Frame) -> None:
             row.pages[0] = frame
         return
     if isinstance(message, State) and row.subscriber is not None:
+        row.sealed |= frame.fd
         if isinstance(row.subscriber.receive(message, t_ns), Rejection):
             return
     elif isinstance(message, (SampledValues, Measurements)):
