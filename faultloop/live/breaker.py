@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
+from faultloop.live.clock import RunClock
 from faultloop.nodes import FOREVER, Command, breaker_node
 from faultloop.recording import Recorder
 from faultloop.result import pole_names
@@ -40,6 +41,7 @@ class BreakerProcess:
     def __init__(self, scenario: Scenario, number: int, closed: int = 7) -> None:
         self.breaker = scenario.breaker[number]
         self.name = self.breaker.name
+        self._number = number
         self.scenario = scenario
         self.closed = closed
         self.node = breaker_node(scenario, number, closed, self._report)
@@ -47,8 +49,11 @@ class BreakerProcess:
         self._recorder = Recorder([])
         self._end_ns = round(scenario.scenario.duration_s * 1e9)
 
-    def begin(self, recorder: Recorder) -> None:
+    def begin(self, recorder: Recorder, clock: RunClock) -> None:
         self._recorder = recorder
+        start_ns = max(clock.now_ns(), 0)
+        started = clock.started(self.scenario)
+        self.node = breaker_node(started, self._number, self.closed, self._report, start_ns=start_ns)
 
     @property
     def next_ns(self) -> int:
@@ -90,7 +95,7 @@ class BreakerProcess:
         return t_ns >= self._end_ns
 
     def statistics(self, pace: float) -> dict[str, Any]:
-        return {"rejected": self.node.rejected.total()}
+        return {"rejected": {cause.name: count for cause, count in self.node.rejected.items()}}
 
     def _report(self, t_ns: int, level: str, text: str) -> None:
         self._recorder.event(f"/breaker/{self.name}/events", t_ns, level, text, self.name)

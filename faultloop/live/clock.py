@@ -5,8 +5,18 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from faultloop.scenario import Scenario
 
 SECOND_NS = 1_000_000_000
+MICROSECOND_NS = 1_000
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def _whole(t_ns: int) -> int:
+    """In whole microseconds, as a `datetime` has them."""
+    return t_ns // MICROSECOND_NS * MICROSECOND_NS
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +38,19 @@ class RunClock:
     def starting_now(cls, pace: float = 1.0, in_s: float = 0.0) -> RunClock:
         """Time zero is `in_s` from now."""
         ahead = round(in_s * SECOND_NS)
-        return cls(time.monotonic_ns() + ahead, time.time_ns() + ahead, pace)
+        return cls(time.monotonic_ns() + ahead, _whole(time.time_ns() + ahead), pace)
 
     @classmethod
     def showing(cls, t_ns: int, pace: float = 1.0) -> RunClock:
         """The clock that shows `t_ns` now: of a node that joins."""
         past = round(t_ns / pace)
-        return cls(time.monotonic_ns() - past, time.time_ns() - past, pace)
+        return cls(time.monotonic_ns() - past, _whole(time.time_ns() - past), pace)
+
+    def started(self, scenario: Scenario) -> Scenario:
+        """The scenario with this clock's time zero as its start: authenticated frames tell the wall clock."""
+        start = EPOCH + timedelta(microseconds=self.start_ns // MICROSECOND_NS)
+        header = scenario.scenario.model_copy(update={"start": start})
+        return scenario.model_copy(update={"scenario": header})
 
     def now_ns(self) -> int:
         """Run time [ns]; negative before the start."""

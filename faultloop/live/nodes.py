@@ -102,6 +102,7 @@ def run_role(options: NodeOptions, supervision: Supervision | None = None) -> bo
     return run_node(
         node,
         link,
+        scenario,
         options.pace,
         log=options.log,
         supervision=supervision,

@@ -8,12 +8,15 @@ from typing import Any
 
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
+from faultloop.live.clock import RunClock
 from faultloop.nodes.plant import SECOND_NS, PlantNode
 from faultloop.pacing import Deadlines, Percentiles
 from faultloop.recording import Recorder
 from faultloop.scenario import Scenario
 
 EVENTS = "/plant/events"
+LATE_NS = SECOND_NS // 10
+"""A plant that begins later than this after time zero joins a run that has begun."""
 
 
 def identifiers(scenario: Scenario) -> list[int]:
@@ -38,8 +41,14 @@ class PlantProcess:
             scenario.system.sampling_hz, scenario.system.frequency_hz
         )
 
-    def begin(self, recorder: Recorder) -> None:
+    def begin(self, recorder: Recorder, clock: RunClock) -> None:
         self._recorder = recorder
+        self.scenario = clock.started(self.scenario)
+        now_ns = clock.now_ns()
+        if now_ns > LATE_NS:
+            self._join(now_ns)
+        else:
+            self.node.attend(self.scenario, max(now_ns, 0))
         for note in self.node.plant.notes:
             recorder.event(EVENTS, 0, "info", note, "plant")
         for number, breaker in enumerate(self.scenario.breaker):
@@ -51,9 +60,6 @@ class PlantProcess:
 
     def poll(self, t_ns: int) -> list[Frame]:
         node = self.node
-        if t_ns - node.sample_ns(node.sample_count) > SECOND_NS and node.sample_count == node.first_sample:
-            self._join(t_ns)
-            return []
         before = node.sample_count
         frames = node.poll(t_ns)
         for count in range(before, node.sample_count):

@@ -23,7 +23,9 @@ from faultloop.io.can.frames import Frame, Heartbeat, decode
 from faultloop.io.can.table import PLANT_NODE, TICK_NS, Kind
 from faultloop.live.clock import RunClock
 from faultloop.live.link import Link
+from faultloop.live.outbox import Outbox
 from faultloop.recording import Recorder
+from faultloop.scenario import Scenario
 
 LONGEST_WAIT_S = 0.1
 """A node looks at least so often whether it shall end."""
@@ -36,8 +38,8 @@ class Node(Protocol):
 
     name: str
 
-    def begin(self, recorder: Recorder) -> None:
-        """The log is open; nothing has been sent yet."""
+    def begin(self, recorder: Recorder, clock: RunClock) -> None:
+        """The log is open and the time is known; nothing has been sent yet."""
         ...
 
     @property
@@ -136,23 +138,26 @@ def _time_of_plant(frame: Frame) -> int | None:
     return message.time * TICK_NS if isinstance(message, Heartbeat) else None
 
 
-def serve(node: Node, link: Link, clock: RunClock, stop: Stop, linger_s: float = LINGER_S) -> None:
+def serve(
+    node: Node, link: Link, outbox: Outbox, clock: RunClock, stop: Stop, linger_s: float = LINGER_S
+) -> None:
     """Run a node until it is done or told to stop."""
     done_at: float | None = None
     while not stop.wanted.is_set():
-        wait = min(max(clock.wall_s(node.next_ns), 0.0), LONGEST_WAIT_S)
+        wait = min(max(clock.wall_s(min(node.next_ns, outbox.next_ns)), 0.0), LONGEST_WAIT_S)
         if wait > 0.0005:
             frames = link.receive(wait)
         else:
             if wait > 0:
                 time.sleep(wait)  # more exact than a poll of whole milliseconds
             frames = link.receive(0)
-        if frames:
+        if frames and not outbox.silent(clock.now_ns()):
             node.receive(clock.now_ns(), [(clock.at(at), frame) for at, frame in frames])
         t_ns = clock.now_ns()
         if node.next_ns <= t_ns:
             for frame in node.poll(t_ns):
-                link.send(frame)
+                outbox.send(t_ns, frame)
+        outbox.release(t_ns)
         if node.done(t_ns):
             done_at = time.monotonic() if done_at is None else done_at
             if time.monotonic() - done_at >= linger_s:
@@ -175,6 +180,7 @@ def open_log(path: Path | None, clock: RunClock, metadata: dict[str, dict[str, s
 def run_node(
     node: Node,
     link: Link,
+    scenario: Scenario,
     pace: float,
     *,
     log: Path | None,
@@ -203,9 +209,10 @@ def run_node(
             return False
         recorder = open_log(log, clock, metadata)
         try:
-            node.begin(recorder)
+            node.begin(recorder, clock)
             linger_s = LINGER_S if supervision is None else 0.0 if leads else math.inf
-            serve(node, link, clock, stop, linger_s)
+            outbox = Outbox(link, scenario, node.name)
+            serve(node, link, outbox, clock, stop, linger_s)
         except BaseException:
             recorder.abort()
             raise
@@ -216,6 +223,7 @@ def run_node(
             "retries": link.retries,
             "errors": link.errors,
             "dropped": link.dropped,
+            "bus_faults": dict(outbox.hits),
         }
         if supervision is not None:
             supervision.tell({"statistics": statistics})

@@ -10,6 +10,7 @@ import numpy as np
 
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
+from faultloop.live.clock import RunClock
 from faultloop.live.stream import SampleStream, quantised
 from faultloop.nodes import FOREVER, relay_node
 from faultloop.pacing import Percentiles
@@ -41,6 +42,7 @@ class RelayProcess:
     def __init__(self, scenario: Scenario, number: int) -> None:
         self.place = scenario.relay[number]
         self.name = self.place.name
+        self._scenario, self._number = scenario, number
         self.node = relay_node(scenario, number)
         settings = load_settings(scenario.settings_path(self.place))
         self.relay = Relay(settings, name=self.name)
@@ -59,8 +61,10 @@ class RelayProcess:
         self.relay.warm_up(quantised(Plant(scenario).history(hz)[:, number]))
         self._warm = self.relay.save(), self.relay.events
 
-    def begin(self, recorder: Recorder) -> None:
+    def begin(self, recorder: Recorder, clock: RunClock) -> None:
         self._recorder = recorder
+        self._heard_ns = start_ns = max(clock.now_ns(), 0)
+        self.node = relay_node(clock.started(self._scenario), self._number, self._event, start_ns=start_ns)
         recorder.add_relay(self.name, self.relay.bits, self.relay.characteristics())
 
     @property
@@ -163,7 +167,8 @@ class RelayProcess:
             "samples": stream.next_count,
             "lost": stream.lost,
             "bridged": stream.bridged,
-            "rejected": stream.rejected,
+            "rejected": {cause.name: count for cause, count in self.node.rejected.items()}
+            | {"SAMPLED_VALUES": stream.rejected},
             "trips": self.trips,
             "location": self.relay.fault_location,
             "latency_ms": asdict(Percentiles.of(self._latency_ns, pace)),

@@ -53,11 +53,16 @@ class PlantNode:
         self._changed = changed
         numbers = {fault.name: i for i, fault in enumerate(scenario.fault)}
         self._fault_numbers = [numbers[fault.name] for fault in self.plant.scenario.fault]
+        self._report = report
+        self.attend(scenario, begins_ns)
+        self._heartbeat = Cyclic.since(begins_ns, 1 / scenario.can.heartbeat_s)
+
+    def attend(self, scenario: Scenario, start_ns: int) -> None:
+        """Follow the breakers from run time `start_ns` on; the seal is that of `scenario`."""
         self.followers = [
-            breaker_follower(scenario, i, self.plant.closed(name), report, start_ns=begins_ns)
+            breaker_follower(scenario, i, self.plant.closed(name), self._report, start_ns=start_ns)
             for i, name in enumerate(self._names)
         ]
-        self._heartbeat = Cyclic(1 / scenario.can.heartbeat_s, first=round(begins_ns / 1e9))
 
     def sample_ns(self, count: int) -> int:
         """Run time of a sample [ns]."""
