@@ -34,7 +34,7 @@ def command(
     else:
         out = console()
         for report in reports:
-            out.print(f"[bold]{report.title}[/bold]", highlight=False)
+            out.print(report.title, markup=False, highlight=False, style="bold")
             for line in report.text:
                 out.print(line, markup=False)
             for shown in [*report.tables, *([check_table(report)] if report.checks else [])]:

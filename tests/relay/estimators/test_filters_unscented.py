@@ -254,7 +254,7 @@ def test_frequency_is_followed(method):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("order", [2, 4, 9, 11, 25, 48])
 def test_a_harmonic_outside_the_model_is_noise(method, order):
-    """10 % of one: the fundamental within 12 %, the frequency within 0.4 Hz, in the second half of a second.
+    """10 % of one: the fundamental within 12 %, the frequency within 0.6 Hz, in the second half of a second.
 
     With R as the strong tracking filters' paper has it, fixed, the 25th gave 7300 % and the 48th 400000."""
     estimator = make_estimator(method, 4800, 50.0)
@@ -264,7 +264,7 @@ def test_a_harmonic_outside_the_model_is_noise(method, order):
     run_estimator(estimator.step, estimator.state.copy(), samples, rows)
     phasors = np.sqrt(2) * rows[2400:, :12].copy().view(np.complex128)
     assert np.abs(phasors - np.exp(1j * np.arange(6))).max() < 0.12
-    assert rows[2400:, FREQUENCY] == pytest.approx(50.0, abs=0.4)
+    assert rows[2400:, FREQUENCY] == pytest.approx(50.0, abs=0.6)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -28,8 +28,8 @@ def sigma_spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float
 
     Raises
     ------
-    InputError : alpha or n + kappa not positive, beta below alpha^2 (the covariance could be negative), or one
-        that is too large.
+    InputError : alpha or n + kappa not positive, beta below alpha^2 (the covariance could be negative), or
+        one that is too large.
     """
     alpha = number("alpha", alpha, above=0.0, most=10.0)
     kappa = number("kappa", kappa, above=-n, most=1e6)
