@@ -204,4 +204,4 @@ def times_figure(results: dict[str, tuple[float, dict[str, Outcome]]], taus_ms: 
     ticks = [0, 20, 40, 60, 80, 100, 120, 140, top]
     figure.update_yaxes(tickvals=ticks, ticktext=[*(str(t) for t in ticks[:-1]), f">{top:g}"])
     figure.update_yaxes(title="time to stay within 5 % [ms]", col=1)
-    return figure.update_layout(template="plotly_white", height=560, margin={"t": 40})
+    return figure.update_layout(template="plotly_white", height=600, margin={"t": 40}, legend_tracegroupgap=0)
