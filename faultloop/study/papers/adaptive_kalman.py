@@ -292,14 +292,13 @@ def _figures(records: Records) -> list[tuple[str, Any]]:
             continue
         for current in (True, False):
             title = f"Figure {number}: {_name(case)}, {'current' if current else 'voltage'}"
-            figures.append(
-                (title, _figure(signals(each[:1], case[0], current), current, time_constant_s(*case)))
-            )
+            s = signals(each[:1], case[0], current)
+            figures.append((title, _figure(s, current, time_constant_s(*case), CLAIM_MS[case[0]])))
             number += 1
     return figures
 
 
-def _figure(s: Signals, current: bool, time_constant: float) -> Any:
+def _figure(s: Signals, current: bool, time_constant: float, claim_ms: float) -> Any:
     import plotly.graph_objects as go
 
     form = kf.INITIAL_VALUE if current else kf.VOLTAGE
@@ -312,7 +311,12 @@ def _figure(s: Signals, current: bool, time_constant: float) -> Any:
     for name, rule in rules_of(form).items():
         size = np.abs(filtered(s, rule, form, time_constant)[first:last, 0])
         figure.add_scatter(x=t, y=np.round(size, 4), name=name)
-    figure.add_hline(y=float(np.abs(s.settled[0])), line_dash="dash")
+    settled = float(np.abs(s.settled[0]))
+    band = {"fillcolor": "#888", "opacity": 0.2, "line_width": 0}
+    figure.add_hrect(y0=(1 - WITHIN) * settled, y1=(1 + WITHIN) * settled, **band)
+    figure.add_vline(x=claim_ms, line_dash="dot", annotation_text="claim")
+    largest = 1.1 * float(np.abs(s.z[first:last, 0]).max())
+    figure.update_layout(template="plotly_white", legend={"orientation": "h", "y": -0.2})
     figure.update_xaxes(title="after the inception [ms]")
-    figure.update_yaxes(title="magnitude, per unit", range=[-2.2, 2.2])
+    figure.update_yaxes(title="magnitude, per unit; grey: settled +- 5 %", range=[-largest, largest])
     return figure
