@@ -2,7 +2,8 @@
 
     python bench/filters.py
 
-Linear: five states, two measurements.  The others: nine states, one measurement, on the model of seed
+Linear: five states, two measurements.  Cubature: a pendulum, two states, three measurements, the model
+compiled for filterpy too.  The others: nine states, one measurement, on the model of seed
 paper 001; filterpy has no strong tracking, so STF stands beside its EKF, MSTUKF and STUKF beside its UKF.
 Each must be at least 20 times faster.
 """
@@ -15,6 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 from filterpy.kalman import (
+    CubatureKalmanFilter,
     ExtendedKalmanFilter,
     KalmanFilter,
     MerweScaledSigmaPoints,
@@ -22,6 +24,7 @@ from filterpy.kalman import (
 )
 
 from faultloop.jit import njit
+from faultloop.relay.estimators.filters import cubature
 from faultloop.relay.estimators.filters import harmonic_model as model
 from faultloop.relay.estimators.filters.kalman import (
     correct,
@@ -78,6 +81,55 @@ def linear() -> tuple[float, float]:
     return least_us(lambda: run_linear(x, P, matrices, samples, work), filterpy)
 
 
+@njit
+def swing(x, u, p, out):
+    out[0] = x[0] + 0.1 * x[1]
+    out[1] = 0.98 * x[1] - 0.1 * np.sin(x[0])
+
+
+@njit
+def look(x, u, p, out):
+    out[0] = np.cos(x[0])
+    out[1] = x[0] + np.sin(x[1])
+    out[2] = x[1]
+
+
+def cubature_pair() -> tuple[float, float]:
+    """CKF: the same model, noise and samples for both."""
+    P, Q, R = 0.2 * np.eye(2), 0.01 * np.eye(2), 0.1 * np.eye(3)
+    samples = 0.3 * np.random.default_rng(1).normal(size=(COUNT, 3))
+    none = np.zeros(1)
+    models = (cubature.as_model(swing), cubature.as_model(look))
+    own = cubature.cubature_filter(np.zeros(2), P, Q, R)
+    series = cubature.Series(np.zeros((COUNT, 1)), samples, np.tile(np.diag(R), (COUNT, 1)), none)
+    out = np.empty((COUNT, 2))
+
+    def moved(x: np.ndarray, dt: float) -> np.ndarray:
+        y = np.empty(2)
+        swing(x, none, none, y)
+        return y
+
+    def seen(x: np.ndarray) -> np.ndarray:
+        y = np.empty(3)
+        look(x, none, none, y)
+        return y
+
+    peer = CubatureKalmanFilter(2, 3, 0.1, seen, moved)
+    peer.x, peer.P, peer.Q, peer.R = np.zeros((2, 1)), P.copy(), Q, R
+
+    def filterpy() -> None:
+        for z in samples[:PEER_COUNT]:
+            peer.predict()
+            peer.update(z[:, None])
+
+    def run() -> None:
+        cubature.track(*models, cubature.correct_ckf, own, series, out)
+
+    run()  # compile
+    filterpy()
+    return least_us(run, filterpy)
+
+
 def prior(peer: ExtendedKalmanFilter | UnscentedKalmanFilter) -> None:
     peer.P, peer.Q, peer.R = np.eye(STATES), 1e-8 * np.eye(STATES), np.array([[1e-3]])
 
@@ -128,7 +180,7 @@ def unscented_peer(samples: np.ndarray) -> Callable[[], None]:
 def main() -> None:
     samples = np.resize(noisy("sag", 0), COUNT)
     extended, unscented = extended_peer(samples), unscented_peer(samples)
-    rows = [("linear", *linear())]
+    rows = [("linear", *linear()), ("cubature", *cubature_pair())]
     for name in TRACKS:
         setting = Setting(name, 1.8)
         track(setting, samples[:10])  # compile

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -19,14 +20,16 @@ def command(
 ) -> int:
     """Run a study and hold its figures against their limits.  Exit status 3 where one is missed."""
     from faultloop.cli.output import announce_compilation, console, print_json, progress_bar, table
-    from faultloop.study.report import cell, check_table, write_html
+    from faultloop.study.output_file import write_aside
+    from faultloop.study.report import cell, check_table, write_page
     from faultloop.study.suites import run_suite
 
     announce_compilation()
-    with progress_bar(f"suite {name}") as progress:
-        reports = run_suite(name, parts or (), quick=quick, progress=progress)
-    if html is not None:
-        write_html(reports, html)
+    with write_aside(html, ".html") if html is not None else nullcontext() as page:
+        with progress_bar(f"suite {name}") as progress:
+            reports = run_suite(name, parts or (), quick=quick, progress=progress)
+        if page is not None:
+            write_page(reports, page)
     if json:
         print_json(
             {"suite": name, "held": all(r.held for r in reports), "reports": [r.as_dict() for r in reports]}
@@ -34,7 +37,7 @@ def command(
     else:
         out = console()
         for report in reports:
-            out.print(f"[bold]{report.title}[/bold]", highlight=False)
+            out.print(report.title, markup=False, highlight=False, style="bold")
             for line in report.text:
                 out.print(line, markup=False)
             for shown in [*report.tables, *([check_table(report)] if report.checks else [])]:

@@ -73,7 +73,7 @@ class EstimatorSettings(Table):
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True, allow_inf_nan=False)
 
-    method: str = "fourier"
+    method: str = "kalman-bank"
 
     @property
     def parameters(self) -> dict[str, Any]:

@@ -99,6 +99,13 @@ def check_table(report: Report) -> Table:
 
 
 def write_html(reports: Sequence[Report], path: Path) -> Path:
+    """`write_page` to a path that ends in .html.  Raises InputError where it cannot be written."""
+    with write_aside(path, ".html") as aside:
+        write_page(reports, aside)
+    return path
+
+
+def write_page(reports: Sequence[Report], path: Path) -> None:
     """All reports as one page that needs no network; plotly is in it once."""
     parts = []
     plotly: bool | str = True
@@ -118,9 +125,7 @@ def write_html(reports: Sequence[Report], path: Path) -> Path:
         "td.r,th.r{text-align:right}td.missed{color:#b00;font-weight:bold}"
     )
     head = f"<!doctype html><meta charset='utf-8'><title>faultloop</title><style>{style}</style>"
-    with write_aside(path, ".html") as aside:
-        aside.write_text(head + "".join(parts), encoding="utf-8")
-    return path
+    path.write_text(head + "".join(parts), encoding="utf-8")
 
 
 def _html_table(table: Table) -> str:

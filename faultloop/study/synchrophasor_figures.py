@@ -12,13 +12,17 @@ from faultloop.study.synchrophasor_signals import Tone, steady, step
 from faultloop.study.synchrophasor_tests import WATCHED_S, PerformanceClass
 
 FLOOR = 1e-6  # of the logarithmic axes
+DOTTED: dict[str, Any] = {"line": {"dash": "dot", "width": 1.5, "color": "#666666"}, "opacity": 1.0}
 
 
 def figures(tested: Sequence[Subject], kind: PerformanceClass) -> list[tuple[str, Any]]:
     """TVE over frequency, FE over an interfering tone, and a step of the angle."""
     return [
-        ("TVE over the frequency", over_frequency(tested, kind)),
-        ("Frequency error by a tone of 10 %", over_tone(tested, kind)),
+        ("TVE over the frequency; dotted: the limit", over_frequency(tested, kind)),
+        (
+            "Frequency error by a tone of 10 %; dotted: the limit, and the band's edges",
+            over_tone(tested, kind),
+        ),
         ("Angle step of 10 degrees", angle_step(tested)),
     ]
 
@@ -46,7 +50,7 @@ def over_frequency(tested: Sequence[Subject], kind: PerformanceClass) -> Any:
     for one in tested:
         tve = [max(float(worst(one, float(offset)).tve.max()), FLOOR) for offset in offsets]
         made.add_scatter(x=one.frequency_hz + offsets, y=tve, name=one.name, mode="lines")
-    made.add_hline(kind.frequency[0], line_dash="dot")
+    made.add_hline(kind.frequency[0], **DOTTED)
     return made
 
 
@@ -59,9 +63,9 @@ def over_tone(tested: Sequence[Subject], kind: PerformanceClass) -> Any:
         fe = [max(float(worst(one, 0.0, Tone(float(hz), 0.1)).fe.max()), FLOOR) for hz in tones]
         made.add_scatter(x=tones, y=fe, name=one.name, mode="lines")
     if kind.interference is not None:
-        made.add_hline(kind.interference[1], line_dash="dot")
+        made.add_hline(kind.interference[1], **DOTTED)
     for edge in (0.5 * f0, 1.5 * f0):
-        made.add_vline(edge, line_dash="dot")
+        made.add_vline(edge, **DOTTED)
     return made
 
 

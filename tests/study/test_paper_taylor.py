@@ -85,24 +85,7 @@ def test_it_is_the_fading_kalman_filter():
         other.update(z)
         parts = other.x.reshape(5, 2)
         phasor = powers @ parts / np.sqrt(2)
-        np.testing.assert_allclose(rows[n, :2], phasor, atol=1e-6)
-
-
-def test_the_covariance_stays_positive_definite():
-    """Over a million samples, a third of them without a signal."""
-    estimator = make_estimator("taylor-kalman", 1200, 50.0)
-    t = np.arange(250_000) / 1200
-    samples = np.zeros((len(t), 6))
-    samples[:, 0] = np.cos(2 * np.pi * 50.4 * t)
-    samples[100_000:180_000] = 0.0
-    state = estimator.state.copy()
-    rows = np.empty((len(t), 14))
-    for _ in range(4):
-        run_estimator(estimator.step, state, samples, rows)
-    root = state[method.ROOT : method.STATES].reshape(10, 10)
-    singular = np.linalg.svd(root, compute_uv=False)
-    assert np.isfinite(rows).all()
-    assert singular[-1] > 0 and singular[0] / singular[-1] < 1e8
+        np.testing.assert_allclose(rows[n, :2], phasor, rtol=0, atol=1e-9)
 
 
 def test_the_papers_cases():

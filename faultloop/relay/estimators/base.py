@@ -2,8 +2,8 @@
 
 ``step(state, x, out)``: state float64[::1], x float64[6] (va vb vc ia ib ic), out float64[14] (re and im of
 the six phasors, RMS against cos(2 pi f0 t) with t = n / fs, then frequency_hz and rocof_hz_per_s, NaN
-where the method does not estimate them).  The phasor refers to the time of the newest sample, or of the
-one `Estimator.delay_samples` before it.
+where the method does not estimate them, and until it has measured them for the first time).  The phasor
+refers to the time of the newest sample, or of the one `Estimator.delay_samples` before it.
 
 Everything that a step needs or changes is in ``state``: to copy the array is to take a checkpoint.
 """

@@ -131,10 +131,15 @@ def waves(state, c):
 
 
 @njit(inline="always")
+def base_variance(state, c):
+    """R of channel c without waves: what was learned, not below the floor."""
+    return max(state[VARIANCE + c], state[FLOOR] * state[LEVEL + c // 3] + SMALLEST)
+
+
+@njit(inline="always")
 def noise_variance(state, c):
-    """R of channel c: what was learned, not below the floor, and what a disturbance adds for a while."""
-    level = state[LEVEL + c // 3]
-    return max(state[VARIANCE + c], state[FLOOR] * level + SMALLEST) + waves(state, c)
+    """R of channel c, and what a disturbance adds for a while."""
+    return base_variance(state, c) + waves(state, c)
 
 
 @njit(inline="always")

@@ -2,12 +2,17 @@
 
 Seed paper 001 filters one voltage in per unit.  A relay has six channels of any size, so the variances of
 the paper are those over the squared peak of the three voltages, or of the three currents (disturbance.py);
-the frequency's are in (rad/s)^2.  A channel sleeps until its group has a sample that is not zero.  The
-frequency of a channel stays within 20 % of nominal and its variance within the initial one: in a dead
-channel nothing else holds them.
+the frequency's are in (rad/s)^2.  A channel sleeps until its group has a sample that is not zero, and passes
+a missing sample over: it is predicted to first order.
+
+What no measurement can ask for is kept out, for the filters linearise about their own estimate: one that has
+left the signal widens its covariance, which throws the next one farther.  An amplitude stays within
+`LARGEST_AMPLITUDE` peaks (no harmonic of a waveform has more than 4 / pi of its peak; the peak may still be
+rising), the frequency of a channel within 20 % of nominal and its variance within the initial one.
 
 The frequency reported is that of the three voltages, each with its squared amplitude for weight; rocof is
-its derivative through a first-order low-pass of `ROCOF_CYCLES`.
+its derivative through a first-order low-pass of `ROCOF_CYCLES`.  Both are NaN until there has been a voltage
+for the filter's settling time.
 """
 
 from __future__ import annotations
@@ -27,7 +32,9 @@ from faultloop.relay.estimators.disturbance import (
     SMALLEST,
     N,
     follow_level,
+    follow_variance,
     header,
+    is_sample,
     noise_variance,
 )
 from faultloop.relay.estimators.filters.harmonic_model import (
@@ -35,7 +42,9 @@ from faultloop.relay.estimators.filters.harmonic_model import (
     FADING,
     FORGETTING,
     FREQUENCY_SHARE,
+    INNOVATION,
     MEMORY,
+    PREDICTED,
     RESIDUAL_VARIANCE,
     SETTINGS,
     SOFTENING,
@@ -43,6 +52,7 @@ from faultloop.relay.estimators.filters.harmonic_model import (
     STEP_S,
     HarmonicFilter,
     measurement_row,
+    predict_extended,
 )
 from faultloop.relay.estimators.filters.strong_tracking import Seen
 from faultloop.relay.estimators.filters.unscented import sigma_spread
@@ -57,17 +67,21 @@ FREQUENCY_INITIAL = HEADER + 4  # of the frequency [(rad/s)^2]
 FUNDAMENTAL_CHANGE = HEADER + 5  # an expected disturbance's, over the squared peak
 HARMONIC_CHANGE = HEADER + 6
 SMOOTH_HZ = HEADER + 7  # low-pass of the frequency, for rocof
-SETTING = HEADER + 8
+AWAKE = HEADER + 8  # samples since the first voltage
+SETTLING = HEADER + 9  # of them until the frequency is reported
+SETTING = HEADER + 10
 WORK = SETTING + SETTINGS
 
 FREQUENCY_BAND = 0.2  # of nominal, either way
+LARGEST_AMPLITUDE = 4.0  # over the peak
+SETTLING_CYCLES = 4.0  # twice the memory of the frequency
 ROCOF_CYCLES = 2.0
 
 
 @njit
 def work_length(n):
-    """Q, root, work, points; row, disturbance, gain; images, mean, total, innovation, cross, gain."""
-    return 3 * n * n + (2 * n + 1) * n + 3 * n + (2 * n + 1) + 3 + 2 * n
+    """Q, root, work, points; row, disturbance, widest, gain; images, mean, total, innovation, cross, gain."""
+    return 3 * n * n + (2 * n + 1) * n + 4 * n + (2 * n + 1) + 3 + 2 * n
 
 
 @njit(inline="always")
@@ -91,6 +105,7 @@ def filter_of(state, c):
         state[vectors : vectors + n],
         state[vectors + n : vectors + 2 * n],
         state[vectors + 2 * n : vectors + 3 * n],
+        state[vectors + 3 * n : vectors + 4 * n],
         square(state, WORK + n * n, n),
         square(state, WORK + 2 * n * n, n),
         state[points:vectors].reshape((2 * n + 1, n)),
@@ -101,7 +116,7 @@ def filter_of(state, c):
 def seen_of(state):
     """What a transform of the measurement overwrites."""
     n = int(state[STATES])
-    start = WORK + 3 * n * n + (2 * n + 1) * n + 3 * n
+    start = WORK + 3 * n * n + (2 * n + 1) * n + 4 * n
     one = start + 2 * n + 1
     return Seen(
         state[start:one].reshape((2 * n + 1, 1)),
@@ -115,13 +130,15 @@ def seen_of(state):
 
 @njit
 def prepare(state, f, c):
-    """Q and D of channel c.  False while its group has been nothing but zero."""
+    """Q, D and the widest variances of channel c.  False while its group has been nothing but zero."""
     level = state[LEVEL + c // 3]
     n = len(f.x)
     quadrature = state[PROCESS] * noise_variance(state, c)
     for i in range(n - 1):
         f.Q[i, i] = quadrature
         f.disturbance[i] = state[HARMONIC_CHANGE] * level
+        f.widest[i] = state[INITIAL] * level
+    f.widest[n - 1] = state[FREQUENCY_INITIAL]
     f.Q[n - 1, n - 1] = state[FREQUENCY_PROCESS]
     f.disturbance[0] = state[FUNDAMENTAL_CHANGE] * level
     f.disturbance[1] = f.disturbance[0]
@@ -140,9 +157,17 @@ def renew(state, f, c):
 
 
 @njit
-def bound_frequency(state, f):
-    """Keep the frequency in its band, and its variance within the initial one."""
+def bound(state, f, c):
+    """Keep the amplitudes and the frequency where they can be, and the frequency's variance within the
+    initial one."""
     n = len(f.x)
+    most = LARGEST_AMPLITUDE**2 * state[LEVEL + c // 3] + SMALLEST
+    for i in range(0, n - 1, 2):
+        square = f.x[i] * f.x[i] + f.x[i + 1] * f.x[i + 1]
+        if square > most:
+            shrink = math.sqrt(most / square)
+            f.x[i] *= shrink
+            f.x[i + 1] *= shrink
     nominal = 2.0 * math.pi * state[FREQUENCY_HZ]
     f.x[n - 1] = min(max(f.x[n - 1], (1.0 - FREQUENCY_BAND) * nominal), (1.0 + FREQUENCY_BAND) * nominal)
     if f.P[n - 1, n - 1] > state[FREQUENCY_INITIAL]:
@@ -163,6 +188,30 @@ def begin(state, x):
 
 
 @njit
+def is_due(state, f, c, z):
+    """True if channel c is awake and has a sample; where it is missing, the filter is predicted here."""
+    if not prepare(state, f, c):
+        return False
+    if is_sample(z):
+        return True
+    predict_extended(f)
+    bound(state, f, c)
+    return False
+
+
+@njit
+def follow(state, f, c):
+    """The noise of channel c after a strong tracking step, and the bounds.
+
+    A sample that the filter faded for counts as if P were zero: P is then as wide as was asked for, and says
+    nothing of what the sample should have been.  So a residual that comes for ever, as that of a harmonic
+    outside the model, is noise within a cycle, while a disturbance is over before.
+    """
+    follow_variance(state, c, f.memory[INNOVATION], f.memory[PREDICTED])
+    bound(state, f, c)
+
+
+@njit
 def report(state, out):
     """The phasor row, from x = [A sin p, A cos p, ..., w] of each channel."""
     cos, sin = reference(state[N], state[SAMPLING_HZ], state[FREQUENCY_HZ])
@@ -176,14 +225,18 @@ def report(state, out):
             weight += amplitude
             total += amplitude * x[-1] / (2.0 * math.pi)
     time_s = ROCOF_CYCLES / state[FREQUENCY_HZ]
-    out[FREQUENCY] = total / weight
-    out[ROCOF] = (out[FREQUENCY] - state[SMOOTH_HZ]) / time_s
-    state[SMOOTH_HZ] += out[ROCOF] / state[SAMPLING_HZ]
+    found = total / weight
+    rate = (found - state[SMOOTH_HZ]) / time_s
+    state[SMOOTH_HZ] += rate / state[SAMPLING_HZ]
+    if state[LEVEL] > 0.0:
+        state[AWAKE] += 1.0
+    settled = state[AWAKE] > state[SETTLING]
+    out[FREQUENCY] = found if settled else math.nan
+    out[ROCOF] = rate if settled else math.nan
     state[N] += 1.0
 
 
 def make_state(
-    method: str,
     sampling_hz: int,
     frequency_hz: float,
     *,
@@ -197,7 +250,6 @@ def make_state(
 
     Parameters
     ----------
-    method : the name, for the errors.
     harmonics : m odd harmonics in the model, the fundamental counted; n = 2 m + 1 states.
     measurement_variance : R, over the squared peak.
     process_variance : Q of each quadrature per sample, over the squared peak.  Not given: a memory of half a
@@ -211,7 +263,9 @@ def make_state(
         harmonic, 2 m - 1, must stay below half of sampling_hz.
     """
     harmonics = whole("harmonics", harmonics, least=1, most=12)
-    per_cycle = samples_per_cycle(sampling_hz, frequency_hz, least=max(6, 4 * harmonics), method=method)
+    per_cycle = samples_per_cycle(
+        sampling_hz, frequency_hz, least=max(6, 4 * harmonics), method=f"harmonics = {harmonics}"
+    )
     R = number("measurement_variance", measurement_variance, above=0.0, most=0.04)
     if process_variance is None:
         process_variance = R * 2.0 / (0.5 * per_cycle) ** 2
@@ -225,6 +279,7 @@ def make_state(
     state[PROCESS] = quadrature / R
     state[FREQUENCY_PROCESS] = number("frequency_process_variance", frequency_process_variance, above=0.0)
     state[SMOOTH_HZ] = frequency_hz
+    state[SETTLING] = settling_samples(sampling_hz, frequency_hz)
     state[SETTING + STEP_S] = 1.0 / sampling_hz
     filter_of.py_func(state, 0).row[:] = measurement_row(n)
     for c in range(CHANNELS):
@@ -258,5 +313,5 @@ def set_fading(
 
 
 def settling_samples(sampling_hz: int, frequency_hz: float) -> int:
-    """Four cycles: twice the memory of the frequency."""
-    return math.ceil(4.0 * sampling_hz / frequency_hz)
+    """Of any of these filters."""
+    return math.ceil(SETTLING_CYCLES * sampling_hz / frequency_hz)

@@ -2,10 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from faultloop.errors import InputError
+
+Make = TypeVar("Make", bound=Callable[..., Any])
+
+
+def extends(base: Callable[..., Any]) -> Callable[[Make], Make]:
+    """Show the keyword parameters of ``base`` beside the function's own, which takes them as ``**others``."""
+
+    def shown(make: Make) -> Make:
+        parameters = dict(inspect.signature(base).parameters)
+        for name, parameter in inspect.signature(make).parameters.items():
+            if parameter.kind is not parameter.VAR_KEYWORD:
+                parameters[name] = parameter
+        setattr(make, "__signature__", inspect.Signature(list(parameters.values())))  # noqa: B010
+        return make
+
+    return shown
 
 
 def number(

@@ -6,8 +6,9 @@ central difference of the positive-sequence voltage's angle; the magnitude is di
 passes at the frequency found.  The difference needs the sample after the centre, so a row refers to the time
 (taps - 1) / 2 + 1 samples before the newest: `Estimator.delay_samples`.
 
-Frequency and ROCOF are f0 and 0 at first, and are held while there is no positive-sequence voltage to measure
-them on (below 0.1 % of the greatest phase, or a sample is missing) and until it has filled the window.
+Frequency and ROCOF are NaN until a positive-sequence voltage has filled the window, and held while there is
+none to measure them on (below 0.1 % of the greatest phase, or a sample is missing) and until it has filled
+the window again.
 """
 
 from __future__ import annotations
@@ -73,8 +74,8 @@ def centred_step(state, x, out):
         second, first = turn(after, middle), turn(middle, before)
         extra[FOUND_FREQUENCY] = state[FREQUENCY_HZ] + (second + first) * fs / (4.0 * math.pi)
         extra[FOUND_ROCOF] = (second - first) * fs * fs / (2.0 * math.pi)
-    offset = min(abs(extra[FOUND_FREQUENCY] - state[FREQUENCY_HZ]), extra[LARGEST_OFFSET])
-    d = offset * offset
+    offset = abs(extra[FOUND_FREQUENCY] - state[FREQUENCY_HZ])
+    d = min(offset, extra[LARGEST_OFFSET]) ** 2 if offset >= 0.0 else 0.0  # NaN: not known yet
     scale = 1.0 / (extra[GAIN] + d * (extra[GAIN + 1] + d * (extra[GAIN + 2] + d * extra[GAIN + 3])))
     extra[BEFORE], extra[BEFORE + 1] = middle.real, middle.imag
     for k in range(12):
@@ -121,7 +122,7 @@ def centred_estimator(
     extra[GAIN] = 1.0
     extra[GAIN + 1 : GAIN + 4] = np.linalg.lstsq(powers / powers[-1], gain - 1.0, rcond=None)[0] / powers[-1]
     extra[LARGEST_OFFSET] = offsets[-1]
-    extra[FOUND_FREQUENCY] = frequency_hz
+    extra[FOUND_FREQUENCY] = extra[FOUND_ROCOF] = math.nan
     state = np.concatenate([fir.state, extra])
     return Estimator(name, centred_step, state, taps + 2, taps // 2 + 1)
 

@@ -37,7 +37,8 @@ class Rule:
     variance : EQ_10, FLOOR or KNOWN.
     renewed : P is P(0) again at the inception; else the filter runs on from the load.
     spread : standard deviation of P(0) over each signal's peak.
-    floor : least (KNOWN: the) standard deviation of the noise, over the same peak.
+    floor : least (KNOWN: the) standard deviation of the noise, over the same peak, up to the inception.
+    fading : time constant with which its variance then decays [samples], R0 exp(-k dT / T) of the paper.
     peak : the peak to take; each signal's own where it is not given.
     """
 
@@ -46,6 +47,7 @@ class Rule:
     spread: float = 2.0
     floor: float = 0.005
     peak: float | None = None
+    fading: float = np.inf
 
 
 class Run(NamedTuple):
@@ -92,7 +94,8 @@ def run_filter(z: Array, rule: Rule, form: str, since: int, per_cycle: float, de
         ph = np.einsum("rij,rj->ri", p, rows[k])
         predicted = np.maximum(np.einsum("ri,ri->r", ph, rows[k]), 0.0)  # rounding, where R was zero
         e = z[k] - np.einsum("ri,ri->r", rows[k], x)
-        variance = least if rule.variance == KNOWN else np.maximum(e * e - predicted, least)
+        low = least * np.exp(-max(k - since, 0) / rule.fading)
+        variance = low if rule.variance == KNOWN else np.maximum(e * e - predicted, low)
         gain = ph / (predicted + variance)[:, None]
         x = x + gain * e[:, None]
         p = p - ph[:, :, None] * ph[:, None, :] / (predicted + variance)[:, None, None]

@@ -24,7 +24,9 @@ def swing(what: Plan) -> Any:
     angle = np.rad2deg(delta - delta[:, -1:])
     for k, bus in enumerate(what.system.machine_bus):
         figure.add_scatter(x=light(what.swing.t), y=light(angle[:, k]), name=f"bus {what.system.buses[bus]}")
-    return figure.update_layout(xaxis_title="s", yaxis_title="deg", height=420, template="plotly_white")
+    return figure.update_layout(
+        xaxis_title="time [s]", yaxis_title="angle to bus 39 [deg]", height=420, template="plotly_white"
+    )
 
 
 def states(what: Plan, errors: Mapping[str, Errors], names: Sequence[str]) -> Any:
@@ -63,4 +65,5 @@ def _four(what: Plan, lines: Sequence[tuple[str, str, NDArray[np.float64]]], sca
                 row=i // 2 + 1,
                 col=i % 2 + 1,
             )
-    return figure.update_yaxes(type=scale).update_layout(height=640, template="plotly_white")
+    figure.update_xaxes(title_text="time [s]", row=2).update_yaxes(type=scale)
+    return figure.update_layout(height=640, template="plotly_white")

@@ -54,7 +54,11 @@ def harmonics(settings: Mapping[str, Setting]) -> list[tuple[str, Any]]:
     samples, tracks = run("harmonics", settings)
     shown = slice(1000, 2000)
     panels = [
-        (f"{order}: magnitude [pu]", {name: found[:, i] for name, found in tracks.items()}, "linear")
+        (
+            f"{order}{'rd' if order == 3 else 'th'} harmonic: magnitude [pu]",
+            {name: found[:, i] for name, found in tracks.items()},
+            "linear",
+        )
         for i, order in enumerate(ORDERS, start=1)
     ]
     return [

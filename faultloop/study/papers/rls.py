@@ -314,10 +314,14 @@ def _forgetting(result: Report, runs: int) -> None:
 def _spread_figure(lengths: Array, spread: Array, theory: Array) -> Any:
     import plotly.graph_objects as go
 
-    figure = go.Figure()
-    for column, name in enumerate(("x0", "xR1", "xI1")):
-        figure.add_scatter(x=lengths, y=spread[:, column], name=name, mode="markers")
-        figure.add_scatter(x=lengths, y=theory[:, column], name=f"{name}, theory", mode="lines")
-    figure.update_xaxes(type="log", title="samples")
-    figure.update_yaxes(type="log", title="standard deviation")
+    figure = go.Figure(layout={"template": "plotly_white", "height": 420, "margin": {"t": 20}})
+    for column, (name, colour) in enumerate((("x0", "#d98c1f"), ("xR1", "#1f6fb2"), ("xI1", "#2a9d5c"))):
+        figure.add_scatter(
+            x=lengths, y=spread[:, column], name=name, mode="markers", marker={"color": colour}
+        )
+        line = {"color": colour, "width": 1.5, "dash": "solid" if column < 2 else "dot"}
+        figure.add_scatter(x=lengths, y=theory[:, column], name=f"{name}, theory", mode="lines", line=line)
+    figure.update_xaxes(type="log", title="samples N", tickvals=list(lengths))
+    ticks = [0.002, 0.003, 0.005, 0.007, 0.01, 0.015]
+    figure.update_yaxes(type="log", title="standard deviation [of the fundamental's peak]", tickvals=ticks)
     return figure

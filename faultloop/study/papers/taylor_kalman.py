@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.relay.estimators import FREQUENCY, ROCOF, ROW, make_estimator, run_estimator
+from faultloop.study.papers import taylor_kalman_figures as figures
 from faultloop.study.papers.taylor_kalman_written import written_filter
 from faultloop.study.report import Check, Report, Table
 from faultloop.study.synchrophasor_signals import Array, Wave, constant
@@ -47,6 +48,17 @@ def deviating(offset_hz: float, rate_hz_per_s: float) -> Wave:
     )
 
 
+def steady_figure() -> Any:
+    """RMS, frequency, ROCOF and phase of the five signals."""
+    cases = {f"{x:g} Hz, {y:g} Hz/s": deviating(x, y) for x, y in STEADY}
+    return figures.four({name: (wave, *run(wave, PAPER_HZ, JUDGED_S[1])) for name, wave in cases.items()})
+
+
+def step_figure() -> Any:
+    """The same of the steps and the ramp, over one second."""
+    return figures.four({name: (wave, *run(wave, PAPER_HZ, 1.0)) for name, wave in STEPS.items()})
+
+
 def stepped(volts: float, angle: float) -> Wave:
     """RMS to ``volts`` and angle by ``angle`` [rad] at 0.2 s."""
     return Wave(
@@ -55,6 +67,13 @@ def stepped(volts: float, angle: float) -> Wave:
         constant(NOMINAL_HZ),
         constant(0.0),
     )
+
+
+STEPS = {
+    "220 to 190 V": stepped(190.0, 0.0),
+    "phase by 30 deg": stepped(VOLTS, STEP_RAD),
+    "ramp 0.05 Hz/s": deviating(0.0, 0.05),
+}
 
 
 def run(
@@ -142,19 +161,6 @@ def time_within(t: Array, error: Array, limit: float) -> float:
     return 0.0 if not len(beyond) else 1000.0 * (t[beyond[-1]] - STEP_S) + 1000.0 * (t[1] - t[0])
 
 
-def line_figure(x: str, y: str, lines: dict[str, tuple[Any, Any]], *, log: bool = False) -> Any:
-    """A plotly figure of named lines."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure(layout={"template": "simple_white", "height": 360, "margin": {"t": 20}})
-    kind = "log" if log else "linear"
-    figure.update_xaxes(title=x, type=kind)
-    figure.update_yaxes(title=y, type=kind, exponentformat="power")
-    for name, (xs, ys) in lines.items():
-        figure.add_scatter(x=xs, y=ys, name=name)
-    return figure
-
-
 def judge_step(wave: Wave, sampling_hz: int, noise: float) -> tuple[float, ...]:
     """Times to within 1 % and 0.1 Hz [ms], then TVE [%], FE [Hz] and RFE [Hz/s] from 0.5 to 1 s."""
     t, phasor, rows = run(wave, sampling_hz, 1.0, noise)
@@ -167,27 +173,20 @@ def judge_step(wave: Wave, sampling_hz: int, noise: float) -> tuple[float, ...]:
     return (time_within(t, vector, 0.01), time_within(t, fe, 0.1), *(float(v) for v in last))
 
 
-def step_cases() -> tuple[Table, list[Check], Any]:
+def step_cases() -> tuple[Table, list[Check]]:
     """Figures 6 to 9: a fall of the voltage, a jump of the phase, and a slow ramp, over one second."""
-    cases = {
-        "220 to 190 V": stepped(190.0, 0.0),
-        "phase by 30 deg": stepped(VOLTS, STEP_RAD),
-        "ramp 0.05 Hz/s": deviating(0.0, 0.05),
-    }
-    rows, checks, lines = [], [], {}
-    for name, wave in cases.items():
+    rows, checks = [], []
+    for name, wave in STEPS.items():
         for rate in (PAPER_HZ, 400, 4800):
             for noise in (0.0, 0.001):
                 rows.append((name, rate, 100.0 * noise, *judge_step(wave, rate, noise)))
         after = judge_step(wave, PAPER_HZ, 0.0)[0]
         checks.append(Check(f"{name} at {PAPER_HZ} Hz: within 1 % after", after, SETTLED_MS, "ms"))
-        t, phasor, _ = run(wave, PAPER_HZ, 1.0)
-        lines[name] = (t, np.abs(phasor))
     settled = (">within 1 % [ms]", ">within 0.1 Hz [ms]")
     columns = ("case", ">fs [Hz]", ">noise [%]", *settled, ">TVE [%]", ">FE [Hz]", ">RFE [Hz/s]")
     note = "TVE, FE and RFE: from 0.5 to 1 s. Noise is its standard deviation over the peak."
     title = "Steps at 0.2 s and a ramp (figures 6 to 9)"
-    return Table(title, columns, rows, note), checks, line_figure("time [s]", "RMS [V]", lines)
+    return Table(title, columns, rows, note), checks
 
 
 def range_table() -> tuple[Table, list[Check]]:
@@ -225,8 +224,8 @@ def sampling_table() -> tuple[Table, Any]:
         "the paper's reason is a guess: it does not say how Q was set."
     )
     table = Table("Sampling rate, -0.2 Hz and -0.05 Hz/s", (">fs [Hz]", *columns), rows, note)
-    lines = {name: (SAMPLING_RATES, [row[2 * k + 2] for row in rows]) for k, name in enumerate(names)}
-    return table, line_figure("sampling rate [Hz]", "ROCOF error [Hz/s]", lines, log=True)
+    lines = {name: [row[2 * k + 2] for row in rows] for k, name in enumerate(names)}
+    return table, figures.over_rate(SAMPLING_RATES, lines)
 
 
 def fixed_samples(wave: Wave, sampling_hz: int) -> tuple[float, float, float, float]:
@@ -246,13 +245,14 @@ def report(quick: bool) -> Report:
         "the states of the last one's origin. Ours moves the polynomial to the new origin.",
     ]
     steady, steady_checks = steady_cases()
-    steps, step_checks, step_figure = step_cases()
+    steps, step_checks = step_cases()
     ranges, range_checks = range_table()
     sampling, sampling_figure = sampling_table()
     done.tables = [steady, as_written(quick), steps, ranges, sampling]
     done.checks = [*steady_checks, *step_checks, *range_checks]
     done.figures = [
-        ("Steps and ramp at 200 Hz", step_figure),
+        (f"Figures 2 to 5: constant deviation and rate at {PAPER_HZ} Hz", steady_figure()),
+        (f"Figures 6 to 9: steps and ramp at {PAPER_HZ} Hz", step_figure()),
         ("ROCOF and the sampling rate", sampling_figure),
     ]
     return done

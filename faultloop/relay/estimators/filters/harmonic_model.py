@@ -35,7 +35,8 @@ SETTINGS = 6
 RESIDUAL_VARIANCE = 0  # V of eq. 12; negative before the first sample
 FADING = 1  # lambda of the last sample
 INNOVATION = 2
-MEMORY = 3
+PREDICTED = 3  # h P h' of the last sample; 0 where the filter faded for it
+MEMORY = 4
 
 
 class HarmonicFilter(NamedTuple):
@@ -49,6 +50,7 @@ class HarmonicFilter(NamedTuple):
     Q : (n, n) process noise per sample.
     row : (n,) the measurement row h.
     disturbance : (n,) what an expected disturbance adds to the variance of each state (strong_tracking.py).
+    widest : (n,) the variance that fading may give each state; infinite in the papers.
     gain, root, work, points : (n,), (n, n), (n, n), (2 n + 1, n), overwritten in every step, so that
         filters may share them.
     """
@@ -60,6 +62,7 @@ class HarmonicFilter(NamedTuple):
     Q: Array
     row: Array
     disturbance: Array
+    widest: Array
     gain: Array
     root: Array
     work: Array
@@ -74,12 +77,13 @@ def measurement_row(states: int) -> Array:
 
 
 def harmonic_filter(harmonics: int, settings: Array) -> HarmonicFilter:
-    """A filter of its own arrays, all zero but for the settings and the row."""
+    """A filter of its own arrays, all zero but for the settings, the row and the endless ``widest``."""
     n = 2 * harmonics + 1
-    memory = np.array([-1.0, 1.0, 0.0])
+    memory = np.array([-1.0, 1.0, 0.0, 0.0])
     return HarmonicFilter(
         np.zeros(n), np.zeros((n, n)), memory, settings, np.zeros((n, n)), measurement_row(n),
-        np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros((2 * n + 1, n)),
+        np.zeros(n), np.full(n, np.inf), np.zeros(n), np.zeros((n, n)), np.zeros((n, n)),
+        np.zeros((2 * n + 1, n)),
     )  # fmt: skip
 
 

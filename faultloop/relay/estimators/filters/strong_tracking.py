@@ -43,6 +43,7 @@ from faultloop.relay.estimators.filters.harmonic_model import (
     FORGETTING,
     FREQUENCY_SHARE,
     INNOVATION,
+    PREDICTED,
     RESIDUAL_VARIANCE,
     SOFTENING,
     SPREAD,
@@ -86,21 +87,25 @@ def follow_residual(f, z):
 @njit
 def fading_factor(f, wanted, predicted):
     """lambda = tr N / tr M where above one (eq. 9, 38, 39)."""
-    f.memory[FADING] = wanted / predicted if wanted > predicted > 0.0 else 1.0
+    fades = wanted > predicted > 0.0
+    f.memory[FADING] = wanted / predicted if fades else 1.0
+    f.memory[PREDICTED] = 0.0 if fades else predicted
     return f.memory[FADING]
 
 
 @njit
 def fade(f, factor, Q):
-    """P <- L (P - Q) L + Q with L^2 = diag(factor, ..., factor, that of the frequency); Q is None where it
-    fades with P (eq. 26)."""
+    """P <- L (P - Q) L + Q with L^2 = diag(factor, ..., factor, that of the frequency), none of them beyond
+    what makes the variance ``widest``; Q is None where it fades with P (eq. 26)."""
     if factor > 1.0:
-        last = len(f.x) - 1
-        frequency = max(1.0, f.settings[FREQUENCY_SHARE] * factor)
-        cross = math.sqrt(factor * frequency)
-        for i in range(last + 1):
-            for j in range(last + 1):
-                times = factor if i < last and j < last else frequency if i == j else cross
+        n = len(f.x)
+        root = f.gain
+        for i in range(n):
+            own = factor if i < n - 1 else f.settings[FREQUENCY_SHARE] * factor
+            root[i] = math.sqrt(max(1.0, min(own, f.widest[i] / f.P[i, i])))
+        for i in range(n):
+            for j in range(n):
+                times = root[i] * root[j]
                 f.P[i, j] *= times
                 if Q is not None:
                     f.P[i, j] -= (times - 1.0) * Q[i, j]
@@ -137,7 +142,7 @@ def step_disturbed(f, z, R):
             share += f.row[i] * f.disturbance[i]
         times = max(1.0, (wanted - predicted) / share)
         for i in range(len(f.x)):
-            f.P[i, i] += times * f.disturbance[i]
+            f.P[i, i] += max(0.0, min(times * f.disturbance[i], f.widest[i] - f.P[i, i]))
     correct_linear(f, z, R)
 
 

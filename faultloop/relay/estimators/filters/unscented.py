@@ -18,9 +18,9 @@ which is never negative for beta >= alpha^2.
 
 from __future__ import annotations
 
-from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.relay.estimators.filters.kalman import cholesky
+from faultloop.relay.estimators.parameters import number
 
 
 def sigma_spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float, float]:
@@ -28,14 +28,12 @@ def sigma_spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float
 
     Raises
     ------
-    InputError : alpha or n + kappa not positive, or beta below alpha^2 (the covariance could be negative).
+    InputError : alpha or n + kappa not positive, beta below alpha^2 (the covariance could be negative), or
+        one that is too large.
     """
-    if not 0.0 < alpha <= 10.0:
-        raise InputError(f"{alpha:g} should be above 0 and at most 10", key="alpha")
-    if not n + kappa > 0.0:
-        raise InputError(f"{kappa:g} should be above {-n}, minus the number of states", key="kappa")
-    if not beta >= alpha**2:
-        raise InputError(f"{beta:g} should be at least alpha^2 = {alpha**2:g}", key="beta")
+    alpha = number("alpha", alpha, above=0.0, most=10.0)
+    kappa = number("kappa", kappa, above=-n, most=1e6)
+    beta = number("beta", beta, least=alpha**2, most=1e6)
     return alpha**2 * (n + kappa), beta - alpha**2
 
 

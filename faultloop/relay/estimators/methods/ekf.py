@@ -23,7 +23,7 @@ from faultloop.relay.estimators.filters.harmonic_model import INNOVATION, correc
 from faultloop.relay.estimators.filters.kalman import innovation_of, predicted_variance
 from faultloop.relay.estimators.harmonic_filters import (
     begin,
-    bound_frequency,
+    bound,
     filter_of,
     make_state,
     prepare,
@@ -56,7 +56,7 @@ def correct_all(state, x):
             predicted = predicted_variance(f.P, f.row)
             correct_linear(f, x[c], noise_variance(state, c))
             follow_variance(state, c, f.memory[INNOVATION], predicted)
-        bound_frequency(state, f)
+        bound(state, f, c)
 
 
 @njit
@@ -99,7 +99,6 @@ def make(
     Raises InputError for a variance that is not positive, or below 4 samples per cycle for each harmonic.
     """
     state = make_state(
-        "ekf",
         sampling_hz,
         frequency_hz,
         harmonics=harmonics,

@@ -12,6 +12,12 @@ it is too small to tell, all filters agree.
 - P is that of unit noise and does not depend on the samples, so one serves the three voltages, and one of
   each decay constant the three currents.  Each channel's own R (disturbance.py) serves the detection and the
   likelihood.
+- The filters see the mean of the last twelfth of a cycle: travelling waves, of some 1 kHz and as large as the
+  voltage itself behind a weak source, are no noise that a few samples could average.  While that window
+  still holds samples from before a disturbance nothing is learned from it; then P is renewed.  The model is
+  turned back by half the window, so the phasor is that of the newest sample.
+- The voltages' noise is raised at a renewal and decays (the paper's own R0 exp(-k dT / T)): what waves
+  are left is not taken for a voltage.
 - At a disturbance P is renewed and the evidence begins anew; the present mean is the prior.  Otherwise the
   phasors have a process noise that makes the memory of the steady filter, and the evidence fades.
 - The weights are each phase's own: with a fault to ground the phases' offsets need not decay alike.
@@ -32,10 +38,14 @@ from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Estimato
 from faultloop.relay.estimators.disturbance import (
     AGE,
     DETECTION_THRESHOLD,
+    FLOOR,
     FREQUENCY_HZ,
     HEADER,
     SAMPLING_HZ,
+    WAVES,
+    WAVES_AT_RENEWAL,
     N,
+    base_variance,
     compare,
     follow_level,
     follow_variance,
@@ -60,7 +70,10 @@ MEAN = HEADER + 24  # three of re, im, present offset: the mixed currents
 VOLTAGE_P = HEADER + 33  # p00 p01 p11
 VOLTAGE = HEADER + 36  # three of re, im
 MODELS = HEADER + 42
-LISTS = HEADER + 43  # each list has a place for every model
+TAPS = HEADER + 43  # samples in the mean
+SCALE = HEADER + 44  # of their sum, so that f0 keeps its size
+SMOOTH = HEADER + 45  # six: the mean
+LISTS = HEADER + 51  # each list has a place for every model; after them the last samples, six each
 
 # The lists; the innermost loops run over the models, so that they vectorise.
 DECAY = 0  # of the offset, per sample
@@ -79,6 +92,11 @@ LIST_COUNT = 28
 # three-phase fault's phasors stay within 5 % after 11 and 12 ms (median: voltages, currents), not 19 and 21.
 BANK_NOISE_FLOOR = 0.02
 
+# Standard deviation, over the peak, of what waves are left in the voltages at a renewal.  Of 2304 faults
+# beyond zone 1 (docs/relay.md) the largest voltage estimate was then 1.1 of what was there, with 0.2 2.1;
+# without the mean over a twelfth of a cycle 4.4, and a mho operated for 72 of them.
+BANK_WAVE_NOISE = 0.5
+
 LEAST_EVIDENCE = -60.0  # so that a model that was wrong can come back; and exp gives no denormal numbers
 COHERENCE = 0.95  # of the voltages with those a cycle ago, squared: below it the turn is no frequency
 LEAST_SIGNAL = (
@@ -92,6 +110,23 @@ FREQUENCY_RANGE = 0.1  # of the nominal
 def listed(state, k):
     m = int(state[MODELS])
     return state[LISTS + k * m : LISTS + (k + 1) * m]
+
+
+@njit
+def smooth(state, x):
+    """The mean of the last samples; not a number while one of them is missing."""
+    taps = int(state[TAPS])
+    mean, ring = state[SMOOTH : SMOOTH + CHANNELS], state[LISTS + LIST_COUNT * int(state[MODELS]) :]
+    newest = CHANNELS * (int(state[N]) % taps)
+    for c in range(CHANNELS):
+        ring[newest + c] = x[c]
+        mean[c] = 0.0
+    for k in range(taps):  # summed anew: a running sum would keep its rounding, and a NaN, for ever
+        for c in range(CHANNELS):
+            mean[c] += ring[CHANNELS * k + c]
+    for c in range(CHANNELS):
+        mean[c] *= state[SCALE]
+    return mean
 
 
 @njit
@@ -172,13 +207,14 @@ def correct_voltages(state, x, cos, sin):
     p = state[VOLTAGE_P : VOLTAGE_P + 3]
     a = cos * p[0] - sin * p[1]
     b = cos * p[1] - sin * p[2]
-    total = 1.0 + cos * a - sin * b
+    predicted = cos * a - sin * b
+    total = predicted + 1.0 + state[WAVES] / state[FLOOR]
     for c in range(3):
         if is_sample(x[c]):
             e = state[INNOVATION + c]
             state[VOLTAGE + 2 * c] += a / total * e
             state[VOLTAGE + 2 * c + 1] += b / total * e
-            follow_variance(state, c, e, (total - 1.0) * noise_variance(state, c))
+            follow_variance(state, c, e, predicted * base_variance(state, c))
     p[0] -= a * a / total
     p[1] -= a * b / total
     p[2] -= b * b / total
@@ -202,15 +238,38 @@ def correct_current(state, c, x, cos, sin):
         evidence[m] = fade * evidence[m] - half_precision * e * ratio - half_log[m]
 
 
+@njit(inline="always")
+def likelihood(evidence):
+    """e^x for -60 <= x <= 0: the 1024th power of its series at x / 1024; to 1e-12 above -8, 1e-7 at -60.
+
+    The compiler vectorises this and not `math.exp`: 20 ns for twelve, not 114.
+    """
+    z = evidence * (1.0 / 1024.0)
+    p = 1.0 + z * (1.0 + z * (1.0 / 2.0 + z * (1.0 / 6.0 + z * (1.0 / 24.0 + z * (1.0 / 120.0)))))
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    p *= p
+    return p * p
+
+
 @njit
 def mix(state, c):
     """Weights from the evidence, and the mean of the models."""
     row, weight, evidence = listed(state, ROW), listed(state, WEIGHT + c), listed(state, EVIDENCE + c)
-    best = evidence.max()
-    whole = 0.0
+    best = evidence[0]
+    for m in range(len(row)):  # 2 ns for twelve; evidence.max() takes 17
+        best = max(best, evidence[m])
     for m in range(len(row)):
         evidence[m] = max(evidence[m] - best, LEAST_EVIDENCE)
-        weight[m] = math.exp(evidence[m])
+        weight[m] = likelihood(evidence[m])
+    whole = 0.0
+    for m in range(len(row)):
         whole += weight[m]
     re, im = listed(state, STATE + 3 * c), listed(state, STATE + 3 * c + 1)
     offset = listed(state, STATE + 3 * c + 2)
@@ -288,27 +347,46 @@ def write(state, out, cos, sin):
 
 
 @njit
+def learn(state, y, cos, sin):
+    """Compare the mean of the window with the prediction, and correct what may be corrected."""
+    if state[AGE] < state[TAPS] - 1.0:  # the window holds samples from before the disturbance
+        state[AGE] += 1.0
+        if state[AGE] < state[TAPS] - 1.0:
+            return
+        state[WAVES] = state[WAVES_AT_RENEWAL]
+        renew(state, cos, sin)
+    else:
+        for c in range(CHANNELS):
+            compare(state, c, state[INNOVATION + c], state[PREDICTED + c] * base_variance(state, c))
+        if is_disturbed(state):
+            if state[TAPS] > 1.0:
+                return
+            renew(state, cos, sin)
+    correct_voltages(state, y, cos, sin)
+    correct_currents(state, y, cos, sin)
+    follow_frequency(state)
+
+
+@njit
 def kalman_bank_step(state, x, out):
-    follow_level(state, x)
+    y = smooth(state, x)
+    follow_level(state, y)
     ahead = state[SHIFT] + state[TURN]
     ahead -= 2.0 * math.pi * math.floor(ahead / (2.0 * math.pi) + 0.5)
     state[SHIFT] = ahead
-    shift_cos, shift_sin = math.cos(ahead), math.sin(ahead)
+    # The mean is that of half a window ago.
+    omega = 2.0 * math.pi * state[FREQUENCY_HZ] / state[SAMPLING_HZ]
+    turned = ahead - 0.5 * (state[TAPS] - 1.0) * (omega + state[TURN])
+    turned_cos, turned_sin = math.cos(turned), math.sin(turned)
     nominal_cos, nominal_sin = reference(state[N], state[SAMPLING_HZ], state[FREQUENCY_HZ])
-    cos = nominal_cos * shift_cos - nominal_sin * shift_sin
-    sin = nominal_sin * shift_cos + nominal_cos * shift_sin
-    predict_voltages(state, x, cos, sin)
+    cos = nominal_cos * turned_cos - nominal_sin * turned_sin
+    sin = nominal_sin * turned_cos + nominal_cos * turned_sin
+    predict_voltages(state, y, cos, sin)
     predict_models(state, cos, sin)
     for c in range(3):
-        predict_current(state, c, x[3 + c], cos, sin)
-    for c in range(CHANNELS):
-        compare(state, c, state[INNOVATION + c], state[PREDICTED + c] * noise_variance(state, c))
-    if is_disturbed(state):
-        renew(state, cos, sin)
-    correct_voltages(state, x, cos, sin)
-    correct_currents(state, x, cos, sin)
-    follow_frequency(state)
-    write(state, out, shift_cos, shift_sin)
+        predict_current(state, c, y[3 + c], cos, sin)
+    learn(state, y, cos, sin)
+    write(state, out, math.cos(ahead), math.sin(ahead))
     state[N] += 1.0
 
 
@@ -321,9 +399,11 @@ def make(
     longest_ms: float = 500.0,
     memory_cycles: float = 1.0,
     evidence_cycles: float = 1.0,
-    initial_covariance: float = 1e5,
+    renewal_spread: float = 2.0,
+    window_cycles: float = 1 / 12,
     noise_floor: float = BANK_NOISE_FLOOR,
     detection_threshold: float = DETECTION_THRESHOLD,
+    wave_noise: float = BANK_WAVE_NOISE,
 ) -> Estimator:
     """Bank of Kalman filters.
 
@@ -333,9 +413,12 @@ def make(
     shortest_ms, longest_ms : the first and the last decay constant [ms].
     memory_cycles : time constant of the steady filter [cycles of f0].
     evidence_cycles : time constant with which the models' evidence fades [cycles of f0].
-    initial_covariance : of the renewed states, over the variance of the noise.
+    renewal_spread : standard deviation of the renewed states, over the peak of the voltages or currents.
+    window_cycles : length of the mean that the filters see [cycles of f0]; below two samples it is none.
     noise_floor : least standard deviation of the noise, over the peak of the voltages or currents.
     detection_threshold : squared normalised innovation that is a disturbance.
+    wave_noise : standard deviation that a disturbance adds to the voltages, over their peak; its variance
+        decays within a fifth of a cycle.
 
     Raises InputError below 6 samples per cycle or for a parameter outside its limits.
     """
@@ -347,16 +430,19 @@ def make(
         raise InputError(f"{longest:g} should be at least shortest_ms, {shortest:g}", key="longest_ms")
     memory = per_cycle * number("memory_cycles", memory_cycles, least=0.1, most=100.0)
     evidence = per_cycle * number("evidence_cycles", evidence_cycles, least=0.1, most=100.0)
-    state = np.zeros(LISTS + LIST_COUNT * count)
-    state[:HEADER] = header(sampling_hz, frequency_hz, noise_floor, detection_threshold)
+    taps = max(1, math.floor(per_cycle * number("window_cycles", window_cycles, least=0.0, most=0.25) + 1e-9))
+    state = np.zeros(LISTS + LIST_COUNT * count + CHANNELS * taps)
+    state[:HEADER] = header(sampling_hz, frequency_hz, noise_floor, detection_threshold, wave_noise)
     # A phasor of variance q R per sample that is seen through a unit sinusoid settles at the pole 1 -
     # sqrt(q / 2).
     state[PROCESS] = 2.0 / memory**2
-    state[ALPHA] = number("initial_covariance", initial_covariance, least=1.0, most=1e12)
+    state[ALPHA] = number("renewal_spread", renewal_spread, above=0.0, most=1e3) ** 2 / state[FLOOR]
+    half = math.pi * frequency_hz / sampling_hz
+    state[TAPS], state[SCALE] = taps, math.sin(half) / math.sin(taps * half)
     state[CYCLE] = round(per_cycle)
     state[FADE] = math.exp(-1.0 / evidence)
     state[MODELS] = count
     constants_s = 1e-3 * np.geomspace(shortest, longest, count)
     state[LISTS + DECAY * count : LISTS + (DECAY + 1) * count] = np.exp(-1.0 / (constants_s * sampling_hz))
     state[LISTS + WEIGHT * count : LISTS + (WEIGHT + 3) * count] = 1.0 / count
-    return Estimator("kalman-bank", kalman_bank_step, state, math.ceil(per_cycle))
+    return Estimator("kalman-bank", kalman_bank_step, state, math.ceil(per_cycle) + taps)

@@ -23,6 +23,7 @@ import numpy as np
 
 from faultloop.jit import njit
 from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Estimator
+from faultloop.relay.estimators.common_gain import correct_channels, innovate
 from faultloop.relay.estimators.disturbance import (
     DETECTION_THRESHOLD,
     FREQUENCY_HZ,
@@ -30,14 +31,11 @@ from faultloop.relay.estimators.disturbance import (
     NOISE_FLOOR,
     SAMPLING_HZ,
     N,
-    compare,
     follow_level,
-    follow_variance,
     header,
     is_disturbed,
-    is_sample,
-    noise_variance,
 )
+from faultloop.relay.estimators.filters.square_root import correct_root, project
 from faultloop.relay.estimators.parameters import number, samples_per_cycle, whole
 from faultloop.relay.estimators.reference import PEAK_TO_RMS, reference
 
@@ -63,44 +61,14 @@ def fill_row(row, cos, sin):
 
 
 @njit
-def project(root, row, f):
-    """f = S' h; returns h P h'."""
-    total = 0.0
-    for j in range(len(row)):
-        v = 0.0
-        for i in range(len(row)):
-            v += root[i, j] * row[i]
-        f[j] = v
-        total += v * v
-    return total
-
-
-@njit
-def correct_root(root, f, gain, forgetting):
-    """Potter's update of S, eq. 2, and the gain, eq. 4."""
-    n = len(f)
-    total = forgetting
-    for j in range(n):
-        total += f[j] * f[j]
-    factor = 1.0 / (total + math.sqrt(forgetting * total))
-    stretch = 1.0 / math.sqrt(forgetting)
-    for i in range(n):
-        v = 0.0
-        for j in range(n):
-            v += root[i, j] * f[j]
-        gain[i] = v / total
-        for j in range(n):
-            root[i, j] = stretch * (root[i, j] - factor * v * f[j])
-
-
-@njit
 def rls_step(state, x, out):
     n = int(state[UNKNOWNS])
     row = state[WORK : WORK + n]
     f = state[WORK + n : WORK + 2 * n]
     gain = state[WORK + 2 * n : WORK + 3 * n]
     root = state[WORK + 3 * n : WORK + 3 * n + n * n].reshape((n, n))
-    states = state[WORK + 3 * n + n * n :].reshape((CHANNELS, n))
+    states = state[WORK + 3 * n + n * n :].reshape((n, CHANNELS))
+    innovation = state[INNOVATION : INNOVATION + CHANNELS]
     forgetting = state[FORGETTING]
     decay = state[TRANSITION]
 
@@ -112,29 +80,18 @@ def rls_step(state, x, out):
         root[0, j] = v if abs(v) > 1e-100 else 0.0  # no denormal numbers: they are slow
     projected = project(root, row, f) / forgetting
     for c in range(CHANNELS):
-        states[c, 0] *= decay
-        e = 0.0
-        if is_sample(x[c]):
-            e = x[c]
-            for i in range(n):
-                e -= row[i] * states[c, i]
-        state[INNOVATION + c] = e
-        compare(state, c, e, projected * noise_variance(state, c))
+        states[0, c] *= decay
+    innovate(state, x, row, states, innovation, projected)
     if is_disturbed(state):
         root[:, :] = 0.0
         for i in range(n):
             root[i, i] = state[ALPHA]
         projected = project(root, row, f) / forgetting
     correct_root(root, f, gain, forgetting)
-
+    correct_channels(state, x, gain, states, innovation, projected)
     for c in range(CHANNELS):
-        e = state[INNOVATION + c]
-        if is_sample(x[c]):
-            for i in range(n):
-                states[c, i] += gain[i] * e
-            follow_variance(state, c, e, projected * noise_variance(state, c))
-        out[2 * c] = PEAK_TO_RMS * states[c, 1]
-        out[2 * c + 1] = PEAK_TO_RMS * states[c, 2]
+        out[2 * c] = PEAK_TO_RMS * states[1, c]
+        out[2 * c + 1] = PEAK_TO_RMS * states[2, c]
     out[FREQUENCY] = math.nan
     out[ROCOF] = math.nan
     state[N] += 1.0

@@ -4,24 +4,24 @@ sigma points, three transforms a step.  For a linear measurement `mstukf` does t
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from faultloop.jit import njit
 from faultloop.relay.estimators.base import CHANNELS, Estimator
-from faultloop.relay.estimators.disturbance import is_sample, noise_variance
-from faultloop.relay.estimators.filters.harmonic_model import predict_unscented
+from faultloop.relay.estimators.disturbance import noise_variance
 from faultloop.relay.estimators.filters.strong_tracking import step_strong_unscented
 from faultloop.relay.estimators.harmonic_filters import (
     begin,
-    bound_frequency,
     filter_of,
-    make_state,
-    prepare,
+    follow,
+    is_due,
     report,
     seen_of,
-    set_fading,
-    set_initial,
     set_sigma_points,
-    settling_samples,
 )
+from faultloop.relay.estimators.methods import stf
+from faultloop.relay.estimators.parameters import extends
 
 
 @njit
@@ -30,31 +30,21 @@ def stukf_step(state, x, out):
     seen = seen_of(state)
     for c in range(CHANNELS):
         f = filter_of(state, c)
-        if prepare(state, f, c):
-            if is_sample(x[c]):
-                step_strong_unscented(f, seen, x[c], noise_variance(state, c))
-            else:
-                predict_unscented(f)
-            bound_frequency(state, f)
+        if is_due(state, f, c, x[c]):
+            step_strong_unscented(f, seen, x[c], noise_variance(state, c))
+            follow(state, f, c)
     report(state, out)
 
 
+@extends(stf.make)
 def make(
     sampling_hz: int,
     frequency_hz: float,
     *,
-    harmonics: int = 4,
-    measurement_variance: float = 1e-3,
-    process_variance: float | None = None,
-    frequency_process_variance: float | None = None,
-    initial_variance: float = 1000.0,
-    frequency_initial_variance: float = 1.0,
-    softening_factor: float = 8.0,
-    forgetting_factor: float = 0.95,
-    frequency_share: float = 0.0,
     alpha: float = 1e-3,
     beta: float = 2.0,
     kappa: float = 0.0,
+    **others: Any,
 ) -> Estimator:
     """Strong tracking unscented filter.
 
@@ -63,18 +53,8 @@ def make(
     alpha, beta, kappa : of the sigma points; the paper's section 4.
     others : as those of `stf`.
 
-    Raises InputError as `stf` and `ukf`.
+    Raises InputError as `stf`, and for alpha not above 0, beta below alpha^2 or kappa not above -n.
     """
-    state = make_state(
-        "stukf",
-        sampling_hz,
-        frequency_hz,
-        harmonics=harmonics,
-        measurement_variance=measurement_variance,
-        process_variance=process_variance,
-        frequency_process_variance=frequency_process_variance,
-    )
-    set_initial(state, initial_variance, frequency_initial_variance)
-    set_fading(state, softening_factor, forgetting_factor, frequency_share)
-    set_sigma_points(state, alpha, beta, kappa)
-    return Estimator("stukf", stukf_step, state, settling_samples(sampling_hz, frequency_hz))
+    extended = stf.make(sampling_hz, frequency_hz, **others)
+    set_sigma_points(extended.state, alpha, beta, kappa)
+    return replace(extended, name="stukf", step=stukf_step)

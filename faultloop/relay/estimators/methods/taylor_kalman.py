@@ -41,8 +41,8 @@ Departures:
   and without a filter before that (and its delay) the third harmonic would fold onto 50 Hz at 200 Hz.  The
   full rate costs no accuracy, and averages noise.
 
-Frequency and ROCOF are those of the positive-sequence voltage; f0 and 0 at first, and held where it is below
-0.1 % of the greatest phase.
+Frequency and ROCOF are those of the positive-sequence voltage; NaN until there has been one for a window, and
+held where it is below 0.1 % of the greatest phase.
 """
 
 from __future__ import annotations
@@ -54,22 +54,20 @@ import numpy as np
 from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Estimator
+from faultloop.relay.estimators.common_gain import correct_channels, innovate
 from faultloop.relay.estimators.disturbance import (
+    AGE,
     DETECTION_THRESHOLD,
     FREQUENCY_HZ,
     HEADER,
     NOISE_FLOOR,
     SAMPLING_HZ,
     N,
-    compare,
     follow_level,
-    follow_variance,
     header,
     is_disturbed,
-    is_sample,
-    noise_variance,
 )
-from faultloop.relay.estimators.methods.rls import correct_root, project
+from faultloop.relay.estimators.filters.square_root import correct_root, project
 from faultloop.relay.estimators.parameters import number, samples_per_cycle
 from faultloop.relay.estimators.reference import PEAK_TO_RMS, reference
 from faultloop.relay.estimators.synchrophasor import is_measurable, positive_sequence
@@ -144,7 +142,8 @@ def evaluate(states, t, out, derivative):
 def frequency(state, out, derivative):
     """f and ROCOF from p, p' and p'' of the positive sequence."""
     v1 = positive_sequence(out)
-    if is_measurable(out, v1):
+    begun = state[AGE] < state[WINDOW] and math.isnan(state[FOUND_FREQUENCY])
+    if is_measurable(out, v1) and not begun:
         window_s = state[WINDOW] / state[SAMPLING_HZ]
         slope = positive_sequence(derivative[:6]) / v1
         curve = positive_sequence(derivative[6:]) / v1
@@ -155,23 +154,11 @@ def frequency(state, out, derivative):
 
 
 @njit
-def innovate(state, x, row, states, projected):
-    """e of the six channels, compared with what is expected of it."""
-    for c in range(CHANNELS):
-        e = 0.0
-        if is_sample(x[c]):
-            e = x[c]
-            for i in range(UNKNOWNS):
-                e -= row[i] * states[i, c]
-        state[INNOVATION + c] = e
-        compare(state, c, e, projected * noise_variance(state, c))
-
-
-@njit
 def taylor_kalman_step(state, x, out):
     row = state[ROW : ROW + UNKNOWNS]
     f = state[PROJECTED : PROJECTED + UNKNOWNS]
     gain = state[GAIN : GAIN + UNKNOWNS]
+    innovation = state[INNOVATION : INNOVATION + CHANNELS]
     derivative = state[DERIVATIVE : DERIVATIVE + 12]
     root = state[ROOT:STATES].reshape((UNKNOWNS, UNKNOWNS))
     states = state[STATES:].reshape((UNKNOWNS, CHANNELS))
@@ -182,19 +169,14 @@ def taylor_kalman_step(state, x, out):
     t = state[TICK] / state[WINDOW]
     fill_row(row, t, cos, sin)
     projected = project(root, row, f) / forgetting
-    innovate(state, x, row, states, projected)
+    innovate(state, x, row, states, innovation, projected)
     if is_disturbed(state):
         renew(state, root, states, t)
         t = 0.0
         fill_row(row, t, cos, sin)
         projected = project(root, row, f) / forgetting
     correct_root(root, f, gain, forgetting)
-    for c in range(CHANNELS):
-        if is_sample(x[c]):
-            e = state[INNOVATION + c]
-            for i in range(UNKNOWNS):
-                states[i, c] += gain[i] * e
-            follow_variance(state, c, e, projected * noise_variance(state, c))
+    correct_channels(state, x, gain, states, innovation, projected)
     evaluate(states, t, out, derivative)
     frequency(state, out, derivative)
 
@@ -245,7 +227,7 @@ def make(
     state[:HEADER] = header(sampling_hz, frequency_hz, noise_floor, detection_threshold)
     state[FORGETTING] = (window - 1.0) / (window + 1.0)
     state[WINDOW] = window
-    state[FOUND_FREQUENCY] = frequency_hz
+    state[FOUND_FREQUENCY] = state[FOUND_ROCOF] = math.nan
     for m in range(TERMS):
         state[PRIOR + m] = spread * (2.0 * math.pi * deviation * window_s) ** m / math.factorial(m)
     return Estimator("taylor-kalman", taylor_kalman_step, state, window)

@@ -4,21 +4,21 @@ paper 001, whose MSTUKF extends it): `ekf` with sigma points in place of the Jac
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 from faultloop.jit import njit
 from faultloop.relay.estimators.base import CHANNELS, Estimator
-from faultloop.relay.estimators.disturbance import DETECTION_THRESHOLD, NOISE_FLOOR
 from faultloop.relay.estimators.filters.harmonic_model import predict_unscented
 from faultloop.relay.estimators.harmonic_filters import (
     begin,
     filter_of,
-    make_state,
     prepare,
     report,
-    set_initial,
     set_sigma_points,
-    settling_samples,
 )
-from faultloop.relay.estimators.methods.ekf import correct_all, examine
+from faultloop.relay.estimators.methods import ekf
+from faultloop.relay.estimators.parameters import extends
 
 
 @njit
@@ -28,25 +28,20 @@ def ukf_step(state, x, out):
         f = filter_of(state, c)
         if prepare(state, f, c):
             predict_unscented(f)
-            examine(state, f, c, x[c])
-    correct_all(state, x)
+            ekf.examine(state, f, c, x[c])
+    ekf.correct_all(state, x)
     report(state, out)
 
 
+@extends(ekf.make)
 def make(
     sampling_hz: int,
     frequency_hz: float,
     *,
-    harmonics: int = 4,
-    measurement_variance: float = NOISE_FLOOR**2,
-    process_variance: float | None = None,
-    frequency_process_variance: float | None = None,
-    initial_variance: float = 9.0,
-    frequency_initial_variance: float = 1.0,
-    detection_threshold: float = DETECTION_THRESHOLD,
     alpha: float = 1e-3,
     beta: float = 2.0,
     kappa: float = 0.0,
+    **others: Any,
 ) -> Estimator:
     """Unscented Kalman filter.
 
@@ -57,16 +52,6 @@ def make(
 
     Raises InputError as `ekf`, and for alpha not above 0, beta below alpha^2 or kappa not above -n.
     """
-    state = make_state(
-        "ukf",
-        sampling_hz,
-        frequency_hz,
-        harmonics=harmonics,
-        measurement_variance=measurement_variance,
-        process_variance=process_variance,
-        frequency_process_variance=frequency_process_variance,
-        detection_threshold=detection_threshold,
-    )
-    set_initial(state, initial_variance, frequency_initial_variance)
-    set_sigma_points(state, alpha, beta, kappa)
-    return Estimator("ukf", ukf_step, state, settling_samples(sampling_hz, frequency_hz))
+    extended = ekf.make(sampling_hz, frequency_hz, **others)
+    set_sigma_points(extended.state, alpha, beta, kappa)
+    return replace(extended, name="ukf", step=ukf_step)
