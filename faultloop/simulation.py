@@ -29,6 +29,7 @@ from faultloop.nodes import (
     BreakerNode,
     Command,
     Movement,
+    RelayNode,
     Report,
     breaker_follower,
     breaker_node,
@@ -87,7 +88,7 @@ class Simulation:
         self.events: list[EventText] = []
         self.commands: list[tuple[str, Command]] = []
         self._breaker_names = [b.name for b in scenario.breaker]
-        self._relay_nodes = [relay_node(scenario, i) for i in range(len(scenario.relay))]
+        self._relay_nodes = [self._relay_node(i) for i in range(len(scenario.relay))]
         numbers = range(len(scenario.breaker))
         self._breaker_nodes = {
             i: self._breaker_node(i) for i in numbers if self._breaker_names[i] not in left_out
@@ -112,18 +113,24 @@ class Simulation:
 
     # -- who is on the bus ----------------------------------------------------------------------------------
 
+    def _relay_node(self, number: int, start_ns: int = 0) -> RelayNode:
+        name = self.scenario.relay[number].name
+        report = self._reports_of(name, f"/relay/{name}/events")
+        return relay_node(self.scenario, number, report, start_ns=start_ns)
+
     def _breaker_node(self, number: int, start_ns: int = 0) -> BreakerNode:
         name = self._breaker_names[number]
-        closed, report = self.plant.closed(name), self._reports_of(name)
+        closed, report = self.plant.closed(name), self._reports_of(name, f"/breaker/{name}/events")
         return breaker_node(self.scenario, number, closed, report, start_ns=start_ns)
 
     def _follower(self, number: int) -> BreakerFollower:
         name = self._breaker_names[number]
-        return breaker_follower(self.scenario, number, self.plant.closed(name), self._reports_of(name))
+        report = self._reports_of(name, f"/breaker/{name}/events")
+        return breaker_follower(self.scenario, number, self.plant.closed(name), report)
 
-    def _reports_of(self, name: str) -> Report:
+    def _reports_of(self, name: str, topic: str) -> Report:
         def report(t_ns: int, level: str, text: str) -> None:
-            self._event(t_ns, name, level, text, f"/breaker/{name}/events")
+            self._event(t_ns, name, level, text, topic)
 
         return report
 
@@ -408,7 +415,7 @@ class Simulation:
             self._breaker_nodes[number] = self._breaker_node(number, t_ns)
             return
         number = self._relay_names.index(name)
-        self._relay_nodes[number] = relay_node(self.scenario, number, start_ns=t_ns)
+        self._relay_nodes[number] = self._relay_node(number, t_ns)
         self.relays[number].restore(self._cold[number])
         self.relays[number].sample_count = self._first_sample_from(t_ns)
 

@@ -97,8 +97,8 @@ class Subscriber:
     """Accepts the states of one publisher.
 
     What continues the state accepted last is taken at once, and so is the next state in number.  Anything
-    else (a first state with poles, a number that jumps or begins again, a counter that stands still) may be a
-    publisher that restarted, frames lost, or an accident: it is taken when a further frame bears it out.
+    else (a first state that commands, a number that jumps or begins again, a counter that stands still) may
+    be a publisher that restarted, frames lost, or an accident: it is taken when a further frame bears it out.
 
     Parameters
     ----------
@@ -131,16 +131,20 @@ class Subscriber:
     def receive(self, message: State, t_ns: int) -> bool | Rejection:
         """Take a message that arrived at `t_ns`.
 
-        Returns True for a new state (once for each), False for a repetition, or why it is rejected.
+        Returns True for a new state (once for each), False for a frame that changes nothing (a repetition, or
+        the first of several confirmations), or why it is rejected.
         """
         objection = self._objection(message, t_ns)
-        if objection is None and not self._borne_out(message):
+        if objection is None:
+            expected = self._expected(message)
+            if self._borne_out(message, max(self.confirmations, 1 if expected else 2)):
+                return self._accept(message, t_ns)
+            if expected:
+                return False  # one of those that must agree
             contradicts = self._last is not None and _goes_on(message, self._last)
             objection = Rejection.INCONSISTENT if contradicts else Rejection.SEQUENCE
-        if objection is not None:
-            self.rejected[objection] += 1
-            return objection
-        return self._accept(message, t_ns)
+        self.rejected[objection] += 1
+        return objection
 
     def _accept(self, message: State, t_ns: int) -> bool:
         last = self._last
@@ -157,15 +161,17 @@ class Subscriber:
         self.poles = message.poles
         return new
 
-    def _borne_out(self, message: State) -> bool:
-        """Does it follow what was accepted, or do enough frames in a row agree on it?"""
+    def _expected(self, message: State) -> bool:
+        """Does it follow what was accepted?  At first: a state that commands nothing."""
+        if self._last is None:
+            return message.poles == 0 or message.kind == Kind.BREAKER_STATUS
+        return _continues(message, self._last) or _succeeds(message, self._last)
+
+    def _borne_out(self, message: State, needed: int) -> bool:
+        """Is it a repetition, or do as many frames in a row agree on it?"""
         last, candidate = self._last, self._candidate
-        if last is None:
-            needed = self.confirmations if message.poles == 0 else max(2, self.confirmations)
-        elif _continues(message, last):
+        if last is not None and _continues(message, last):
             return True
-        else:
-            needed = self.confirmations if _succeeds(message, last) else max(2, self.confirmations)
         agrees = candidate is not None and (
             _later(message, candidate) and (_continues(message, candidate) or _succeeds(message, candidate))
         )
