@@ -82,6 +82,11 @@ class Supervisor:
         self.clock: RunClock | None = None
         self._recorder = Recorder([])
 
+    @property
+    def names(self) -> list[str]:
+        """Of the nodes that are processes."""
+        return list(self._roles)
+
     # -- processes ------------------------------------------------------------------------------------------
 
     def spawn(self, name: str) -> Child:
@@ -140,6 +145,10 @@ class Supervisor:
         child = self._children[name]
         child.kill()
         self.event("warning", f"{name} was killed")
+
+    def ended(self, name: str) -> bool:
+        """The node's process is not there."""
+        return self._children[name].ended
 
     def event(self, level: str, text: str) -> None:
         """A line of the supervisor's own, in the plant's event list."""
