@@ -177,12 +177,13 @@ def _processes(
 
 @contextmanager
 def _alone(channel: str) -> Iterator[None]:
-    """One test at a time on an interface that all of the machine's processes share."""
+    """One test at a time, of this user's, on an interface that all of the machine's processes share."""
     if sys.platform == "win32":
         yield
         return
     import fcntl
+    import os
 
-    with (Path(tempfile.gettempdir()) / f"faultloop-{channel}.lock").open("w") as file:
+    with (Path(tempfile.gettempdir()) / f"faultloop-{os.getuid()}-{channel}.lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
