@@ -129,6 +129,11 @@ class SimulatedBus:
         """The frames that are waiting or on the wire."""
         return [frame for _, frame, _ in self._sending] + [waiting.frame for waiting in self._waiting]
 
+    @property
+    def idle_from_ns(self) -> int:
+        """When the next frame may begin: the end of the newest frame's intermission."""
+        return self._idle_ns
+
     def waiting_from(self, sender: object) -> int:
         """How many frames of a sender wait for the bus, the one on the wire not counted."""
         return sum(waiting.sender == sender for waiting in self._waiting)

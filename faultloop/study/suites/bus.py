@@ -10,6 +10,9 @@ from faultloop.study.report import Report
 
 PARTS = {
     "fuzz": "bus_fuzz",
+    "loss": "bus_loss",
+    "babbling": "bus_babbling",
+    "response-times": "bus_response",
 }
 
 
