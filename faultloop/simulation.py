@@ -344,7 +344,10 @@ class Simulation:
         self._deliver(t_ns)
 
     def _deliver(self, until_ns: int) -> None:
-        for t_ns, frame, sender in self.bus.advance(until_ns):
+        received = self.bus.advance(until_ns)
+        for change in self.bus.controller_changes():
+            self._event(change.t_ns, str(change.sender), "warning", f"is {change.state}", CAN_EVENTS)
+        for t_ns, frame, sender in received:
             self.can_frames += 1
             self.recorder.message(
                 "/can",

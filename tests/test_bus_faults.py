@@ -145,6 +145,20 @@ def test_a_babbler_of_the_highest_priority_costs_a_trip_a_few_frames_at_most() -
         assert 0 <= (at or 0) - (base[relay] or 0) <= 270_000
 
 
+def test_errors_on_the_wire_cost_time_but_no_frame_and_bus_off_ends() -> None:
+    clean = run()
+    noisy = run({"kind": "bit_error", "probability": 0.2})
+    assert noisy.can_frames == clean.can_frames
+    for relay, at in received(noisy).items():
+        assert abs((at or 0) - (received(clean)[relay] or 0)) < 5 * 0.35 * MS
+    # nothing of RA's goes through for 30 ms: bus-off after 32 tries, and again after each recovery
+    broken = run({"kind": "bit_error", "node": "RA", "start_s": 0.105, "duration_s": 0.03})
+    states = texts(broken, "RA")
+    assert {"is error-passive", "is bus-off", "is error-active"} <= set(states)
+    assert (received(broken)["RA"] or 0) > 135 * MS
+    assert abs((received(broken)["RB"] or 0) - (received(clean)["RB"] or 0)) < 1 * MS
+
+
 @pytest.mark.parametrize("content", ["random", "replayed"])
 @pytest.mark.parametrize("message", ["trip", "close"])
 def test_forged_frames_without_the_right_protection_open_nothing(content: str, message: str) -> None:

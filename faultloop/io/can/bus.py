@@ -4,21 +4,24 @@ Rules (ISO 11898-1:2015): a bus that is idle takes the first frame at once; when
 frame with the lowest arbitration field goes; no frame is pre-empted; three bits of intermission follow each
 frame.  Receivers take a frame when the last but one bit of its end of frame has passed (from there on it is
 valid for them), one bit before it is valid for its sender.  Each sender offers all of its waiting frames (it
-has as many mailboxes as it needs); frames with one identifier go in the order of submission.  No propagation
-delay, no bit errors.
+has as many mailboxes as it needs); frames with one identifier go in the order of submission.  Errors on the
+wire, where there are any, and what follows from them are in `confinement`.  No propagation delay.
 """
 
 from __future__ import annotations
 
+import copy
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from faultloop.errors import InputError
+from faultloop.io.can.confinement import DELIMITER, Controller, ErrorSource, StateChange
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.length import INTERMISSION, wire_length
 
 SECOND_NS = 1_000_000_000
+RECESSIVE_TAIL = 1 + 7  # acknowledge delimiter, end of frame
 
 
 class Delivery(NamedTuple):
@@ -44,7 +47,8 @@ class BusLoad:
 
     frames: Counter[int] = field(default_factory=Counter)  # sent, by identifier
     longest_wait_ns: dict[int, int] = field(default_factory=dict)  # from submission to start, by identifier
-    busy_ns: int = 0  # frames and intermissions
+    busy_ns: int = 0  # frames and intermissions, and what errors cost
+    errors: int = 0  # error frames
 
     def over(self, duration_ns: int) -> float:
         """Part of `duration_ns` in which the bus was not idle, 0 to 1."""
@@ -68,15 +72,23 @@ class SimulatedBus:
     ----------
     bitrate : nominal bit rate [bit/s].
     data_bitrate : bit rate of the data phase of FD frames with bit rate switch [bit/s].
+    errors : says which transmissions are hit by an error on the wire; None for none.
     """
 
-    def __init__(self, bitrate: int = 500_000, data_bitrate: int = 2_000_000) -> None:
+    def __init__(
+        self, bitrate: int = 500_000, data_bitrate: int = 2_000_000, errors: ErrorSource | None = None
+    ) -> None:
         for key, value in (("bitrate", bitrate), ("data_bitrate", data_bitrate)):
             if value <= 0:
                 raise InputError(f"{value} bit/s is not a bit rate: it must be positive", key=key)
         self.bitrate = bitrate
         self.data_bitrate = data_bitrate
+        self.errors = errors
         self.load = BusLoad()
+        self.controllers: dict[object, Controller] = {}
+        """Those that have had an error, by sender."""
+        self.changes: list[StateChange] = []
+        """Of the controllers' states, in the order they were found; whoever reads them takes them out."""
         self.now_ns = 0
         self._idle_ns = 0  # from when on the next frame may start
         self._order = 0
@@ -140,32 +152,104 @@ class SimulatedBus:
 
     def save(self) -> tuple:
         """Everything that changes, for `restore`."""
-        load = BusLoad(Counter(self.load.frames), dict(self.load.longest_wait_ns), self.load.busy_ns)
-        return self.now_ns, self._idle_ns, self._order, tuple(self._waiting), self._sending, load
+        errors, controllers = copy.deepcopy(self.errors), self._copied_controllers()
+        wire = (self.now_ns, self._idle_ns, self._order, tuple(self._waiting), self._sending)
+        return wire, self._copied_load(), errors, controllers, tuple(self.changes)
 
     def restore(self, state: tuple) -> None:
         """Go back to a saved state; it may be restored again later."""
-        self.now_ns, self._idle_ns, self._order, waiting, self._sending, load = state
-        self._waiting = list(waiting)
-        self.load = BusLoad(Counter(load.frames), dict(load.longest_wait_ns), load.busy_ns)
+        wire, self.load, errors, self.controllers, changes = state
+        self.now_ns, self._idle_ns, self._order, waiting, self._sending = wire
+        self._waiting, self.changes = list(waiting), list(changes)
+        self.load, self.controllers = self._copied_load(), self._copied_controllers()
+        self.errors = copy.deepcopy(errors)
+
+    def _copied_load(self) -> BusLoad:
+        load = self.load
+        return BusLoad(Counter(load.frames), dict(load.longest_wait_ns), load.busy_ns, load.errors)
+
+    def _copied_controllers(self) -> dict[object, Controller]:
+        return {sender: controller.copied() for sender, controller in self.controllers.items()}
 
     def _choose(self) -> tuple[_Waiting, int] | None:
         """The frame that starts next and when, from what is known now."""
         if not self._waiting:
             return None
+        if self.controllers:
+            return self._choose_of_those_ready()
         start_ns = max(self._idle_ns, min(waiting.t_ns for waiting in self._waiting))
         return min(waiting for waiting in self._waiting if waiting.t_ns <= start_ns), start_ns
+
+    def _choose_of_those_ready(self) -> tuple[_Waiting, int]:
+        """The same where a controller may have to wait longer than for the bus."""
+        ready = [(max(waiting.t_ns, self._ready_ns(waiting.sender)), waiting) for waiting in self._waiting]
+        start_ns = max(self._idle_ns, min(from_ns for from_ns, _ in ready))
+        return min(waiting for from_ns, waiting in ready if from_ns <= start_ns), start_ns
+
+    def _ready_ns(self, sender: object) -> int:
+        controller = self.controllers.get(sender)
+        return 0 if controller is None else controller.ready_ns
 
     def _received_ns(self, chosen: _Waiting, start_ns: int) -> int:
         return start_ns + chosen.duration_ns - SECOND_NS // self.bitrate
 
     def _start(self, chosen: _Waiting, start_ns: int) -> None:
+        if self.controllers:
+            self._end_recessive_run(start_ns)
+        if self.errors is not None and self._hit(chosen, start_ns):
+            return
         self._waiting.remove(chosen)
         self._sending = (Delivery(self._received_ns(chosen, start_ns), chosen.frame, chosen.sender),)
-        busy_ns = chosen.duration_ns + INTERMISSION * SECOND_NS // self.bitrate
-        self._idle_ns = start_ns + busy_ns
+        end_ns = start_ns + chosen.duration_ns
+        self._idle_ns = end_ns + INTERMISSION * SECOND_NS // self.bitrate
         load = self.load
-        load.busy_ns += busy_ns
+        load.busy_ns += self._idle_ns - start_ns
         load.frames[chosen.frame.id] += 1
         wait_ns = start_ns - chosen.t_ns
         load.longest_wait_ns[chosen.frame.id] = max(wait_ns, load.longest_wait_ns.get(chosen.frame.id, 0))
+        if self.controllers:
+            self._begin_recessive_run(end_ns - RECESSIVE_TAIL * SECOND_NS // self.bitrate)
+            controller = self.controllers.get(chosen.sender)
+            if controller is not None:
+                before = controller.state
+                controller.succeeded(self._idle_ns)
+                self._note(end_ns, chosen.sender, before)
+
+    # -- errors on the wire ---------------------------------------------------------------------------------
+
+    def _hit(self, chosen: _Waiting, start_ns: int) -> bool:
+        """If an error hits the frame that begins: it is cut, and stays to be sent again."""
+        assert self.errors is not None
+        bits = sum(wire_length(chosen.frame))
+        error = self.errors.hit(start_ns, chosen.frame, chosen.sender, bits)
+        if error is None:
+            return False
+        bit_ns = SECOND_NS // self.bitrate
+        controller = self.controllers.setdefault(chosen.sender, Controller(bit_ns))
+        before = controller.state
+        flag_ns = start_ns + chosen.duration_ns * error.bit // bits
+        delimiter_ns = flag_ns + controller.flag_bits(error) * bit_ns
+        self._idle_ns = delimiter_ns + (DELIMITER + INTERMISSION) * bit_ns
+        self.load.errors += 1
+        self.load.busy_ns += self._idle_ns - start_ns
+        self._begin_recessive_run(delimiter_ns)
+        controller.failed(delimiter_ns, self._idle_ns)
+        self._note(flag_ns, chosen.sender, before)
+        return True
+
+    def _end_recessive_run(self, t_ns: int) -> None:
+        """A frame begins: whoever has seen enough by then is back, the others go on counting after it."""
+        for sender, controller in self.controllers.items():
+            if controller.state == "bus-off" and controller.ready_ns <= t_ns:
+                controller.recovered()
+                self._note(controller.ready_ns, sender, "bus-off")
+            controller.other_begins(t_ns)
+
+    def _begin_recessive_run(self, t_ns: int) -> None:
+        for controller in self.controllers.values():
+            controller.run_begins(t_ns)
+
+    def _note(self, t_ns: int, sender: object, before: str) -> None:
+        state = self.controllers[sender].state
+        if state != before:
+            self.changes.append(StateChange(t_ns, sender, state))

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from random import Random
 from typing import Protocol
 
+from faultloop.io.can.confinement import FLAG, LONGEST_FLAGS, WireError
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import BY_IDENTIFIER
 
@@ -89,6 +90,36 @@ class SenderFaults:
     def hits(self) -> Counter[str]:
         """How many frames each fault has hit so far, by its name."""
         return Counter({stage.fault.name: stage.count for stage in self._stages})
+
+
+class WireErrors:
+    """Errors on the wire (``kind = "bit_error"``): the bus model's `ErrorSource`.
+
+    A transmission that is hit is hit at a bit of which none is likelier than another, and all nodes' flags
+    together are 6 to 12 bits, likewise.
+    """
+
+    def __init__(self, seed: int, faults: Iterable[Fault]) -> None:
+        self._seed = seed
+        self._faults = [(i, fault) for i, fault in enumerate(faults) if fault.kind == "bit_error"]
+        self._hits: dict[tuple[int, object], Hits] = {}
+        self.hits: Counter[str] = Counter()
+
+    def hit(self, t_ns: int, frame: Frame, sender: object, bits: int) -> WireError | None:
+        """Asked once for each transmission, of `bits` bits, that begins at `t_ns`."""
+        errors = [e for i, fault in self._faults if (e := self._error(i, fault, t_ns, frame, sender, bits))]
+        return min(errors, default=None)
+
+    def _error(
+        self, i: int, fault: Fault, t_ns: int, frame: Frame, sender: object, bits: int
+    ) -> WireError | None:
+        if fault.node not in (None, sender):
+            return None
+        hits = self._hits.setdefault((i, sender), Hits(fault, f"{self._seed}/{i}/{sender}"))
+        if not hits.hit(t_ns, frame):
+            return None
+        self.hits[fault.name] += 1
+        return WireError(hits.content.randint(1, bits), hits.content.randint(FLAG, LONGEST_FLAGS))
 
 
 def active(fault: Fault, t_ns: int) -> bool:

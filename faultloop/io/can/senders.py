@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from heapq import heappop, heappush
 
-from faultloop.io.can.faults import Fault, SenderFaults
+from faultloop.io.can.faults import Fault, SenderFaults, WireErrors
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.transport import Transport
 
@@ -25,7 +25,10 @@ class Senders:
 
     def __init__(self, bus: Transport, seed: int, faults: Sequence[Fault], names: Collection[str]) -> None:
         self._bus = bus
+        self._wire: WireErrors | None = None
         self._stages = {name: SenderFaults(seed, faults, name) for name in names} if faults else {}
+        if any(fault.kind == "bit_error" for fault in faults):
+            bus.model.errors = self._wire = WireErrors(seed, faults)
         self._late: list[tuple[int, int, Frame, str]] = []
         self._order = 0
 
@@ -65,4 +68,5 @@ class Senders:
     @property
     def hits(self) -> Counter[str]:
         """How many frames each fault has hit so far, by its name."""
-        return sum((stage.hits for stage in self._stages.values()), Counter())
+        on_the_wire = Counter() if self._wire is None else self._wire.hits
+        return sum((stage.hits for stage in self._stages.values()), Counter(on_the_wire))

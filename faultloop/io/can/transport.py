@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.bus import SECOND_NS, BusLoad, Delivery, SimulatedBus
+from faultloop.io.can.confinement import StateChange
 from faultloop.io.can.frames import Frame
 
 if TYPE_CHECKING:
@@ -132,6 +133,13 @@ class Transport:
     def pending(self) -> list[Frame]:
         """The frames that are waiting or on the wire."""
         return self.model.pending()
+
+    def controller_changes(self) -> list[StateChange]:
+        """What fault confinement did to the senders' controllers since the last call."""
+        if not self.model.changes:
+            return []
+        changes, self.model.changes = self.model.changes, []
+        return changes
 
     def waiting_from(self, sender: object) -> int:
         """How many frames of a sender wait for the bus."""
