@@ -8,6 +8,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal
 
+from faultloop.busfault import BusFault
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.live.link import open_link
@@ -15,7 +16,8 @@ from faultloop.live.process import Node, Supervision, run_node
 from faultloop.recording import check_log_path, versions
 from faultloop.scenario import Scenario, load_scenario
 
-Role = Literal["plant", "relay", "breaker"]
+Role = Literal["plant", "relay", "breaker", "rogue"]
+ROGUES = ("babbling", "forging")
 TIME = Kind.HEARTBEAT + PLANT_NODE
 
 
@@ -30,13 +32,19 @@ def bus_of(scenario: Scenario, can: str | None) -> str:
     return can if can is not None else f"{scenario.can.interface}:{scenario.can.channel}"
 
 
+def rogues(scenario: Scenario) -> list[BusFault]:
+    """The faults on the bus that are nodes of their own."""
+    return [fault for fault in scenario.bus_fault if fault.kind in ROGUES]
+
+
 def number_of(scenario: Scenario, role: Role, name: str | None) -> int:
     """A relay's or breaker's number; InputError where the scenario has none of the name."""
     if role == "plant":
         if name is not None:
             raise InputError(f"there is one plant, without a name; '{name}' is not needed", key="NAME")
         return 0
-    names = [item.name for item in (scenario.relay if role == "relay" else scenario.breaker)]
+    items = {"relay": scenario.relay, "breaker": scenario.breaker, "rogue": rogues(scenario)}[role]
+    names = [item.name for item in items]
     if name is None:
         raise InputError(f"say which {role}: {', '.join(names) or 'the scenario has none'}", key="NAME")
     if name not in names:
@@ -57,6 +65,10 @@ def make_node(scenario: Scenario, role: Role, number: int, closed: int = 7) -> t
         from faultloop.live import relay
 
         return relay.RelayProcess(scenario, number), relay.identifiers(scenario, number)
+    if role == "rogue":
+        from faultloop.live import rogue
+
+        return rogue.RogueProcess(scenario, number), rogue.identifiers(scenario, number)
     from faultloop.live import breaker
 
     return breaker.BreakerProcess(scenario, number, closed), breaker.identifiers(scenario, number)

@@ -116,7 +116,7 @@ def _as_linux_shall_know_it(name: str) -> None:
         pr_set_pdeathsig, pr_set_name = 1, 15
         libc = ctypes.CDLL(None)
         libc.prctl(pr_set_pdeathsig, signal.SIGTERM)
-        libc.prctl(pr_set_name, name.encode()[:15])
+        libc.prctl(pr_set_name, f"faultloop {name}".encode()[:15])
 
 
 def plant_clock(link: Link, pace: float, stop: Stop, told: Callable[[str], None]) -> RunClock | None:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import signal
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from faultloop.disturbances import Edges, end_ns
+from faultloop.disturbances import describe as describe_fault
 from faultloop.errors import InputError, nearest
+from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.table import BY_IDENTIFIER, PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_writer import LogWriter
@@ -19,8 +24,9 @@ from faultloop.live.child import Child, ended_how
 from faultloop.live.clock import RunClock
 from faultloop.live.link import Link, open_link
 from faultloop.live.merge import merge
-from faultloop.live.nodes import NodeOptions, Role, bus_of, check_pace
+from faultloop.live.nodes import ROGUES, NodeOptions, Role, bus_of, check_pace
 from faultloop.live.outcome import read_result
+from faultloop.nodes.clock import FOREVER
 from faultloop.pacing import Pacing, Percentiles
 from faultloop.recording import Recorder, check_log_path, describe
 from faultloop.relay import load_settings
@@ -37,6 +43,7 @@ DRAIN_S = 0.3
 LOOK_S = 0.05
 """How long the listener waits for a frame before it looks after its processes."""
 PLANT = "plant"
+CAN_EVENTS = "/can/events"
 
 
 class Supervisor:
@@ -71,14 +78,18 @@ class Supervisor:
         self.frames = 0
         self.closed = dict.fromkeys(range(len(scenario.breaker)), 7)
         """Position of each breaker, as last heard."""
-        self._bus = bus_of(scenario, can)
+        self.bus = bus_of(scenario, can)
         self._overrides = overrides
         self._roles = _roles(scenario, without)
         self._children: dict[str, Child] = {}
         self._past: list[Child] = []
-        self._joining: set[str] = set()
+        self._joining: dict[str, int] = {}
+        """Nodes that are starting, and when each may take part [ns of the run]."""
+        self._edges = Edges(scenario.bus_fault)
+        self.broken: InputError | None = None
+        """Why the bus was lost, if it was."""
         self._names = _names(scenario)
-        self.link: Link = open_link(self._bus, fd=True)
+        self.link: Link = open_link(self.bus, fd=True)
         self.clock: RunClock | None = None
         self._recorder = Recorder([])
 
@@ -99,7 +110,7 @@ class Supervisor:
             role,
             Path(self.scenario.path).resolve(),
             None if role == PLANT else name,
-            self._bus,
+            self.bus,
             self.pace,
             (self.folder / f"{name}{f'-{again}' if again else ''}.mcap").resolve(),
             tuple(self._overrides),
@@ -131,12 +142,12 @@ class Supervisor:
             child.start(clock)
         return clock
 
-    def restart(self, name: str) -> None:
+    def restart(self, name: str, not_before_ns: int = 0) -> None:
         """Start a node that has ended again; it joins the run when it is ready."""
         old = self._children.pop(name)
         old.close()
         self._past.append(old)
-        self._joining.add(name)
+        self._joining[name] = not_before_ns
         self.spawn(name)
         self.died = [other for other in self.died if other != name]
 
@@ -167,8 +178,8 @@ class Supervisor:
         self.frames += len(frames)
         for child in self._children.values():
             child.listen()
-            if child.ready and child.name in self._joining:
-                self._joining.discard(child.name)
+            if child.ready and self._joining.get(child.name, FOREVER) <= clock.now_ns():
+                del self._joining[child.name]
                 child.start(clock)
         return frames
 
@@ -185,7 +196,7 @@ class Supervisor:
             sender=self._names.get(frame.id, ""),
         )
         if frame.id & ~0xF == Kind.BREAKER_STATUS:
-            message = decode(Frame(frame.id, frame.data[:8]))
+            message = decode(unsealed(frame))
             if isinstance(message, State):
                 self.closed[message.number] = message.poles
 
@@ -193,8 +204,14 @@ class Supervisor:
         """Until the plant has published its last sample and the bus is silent, or until a signal."""
         assert self.clock is not None
         while not self.interrupted:
-            self.listen()
+            try:
+                self.listen()
+            except InputError as error:  # the interface went down: what there is, is logged
+                self.broken = error
+                self.event("error", str(error))
+                return
             self._watch()
+            self._disturb()
             if progress is not None:
                 progress(min(max(self.clock.now_ns() / 1e9 / self.scenario.scenario.duration_s, 0.0), 1.0))
             if self._children[PLANT].ended:
@@ -212,12 +229,27 @@ class Supervisor:
                 why = f": {child.last_words}" if child.last_words else ""
                 self.event("error", f"{name} ended before the run did: {ended_how(child.status or 0)}{why}")
 
+    def _disturb(self) -> None:
+        """Faults on the bus that begin or end: what befalls frames is their sender's business."""
+        assert self.clock is not None
+        for t_ns, fault, begins in self._edges.due(self.clock.now_ns()):
+            told = f"{describe_fault(fault)} {'begins' if begins else 'is over'}"
+            self._recorder.event(CAN_EVENTS, max(t_ns, 0), "warning", told, fault.name)
+            if fault.kind == "restart" and fault.node in self._children and begins:
+                self._children[fault.node].kill()
+                self.restart(fault.node, end_ns(fault) or 0)
+
     def finish(self) -> None:
         """End all processes; each closes its log, or its log is recovered."""
         for child in self._children.values():
             child.end()
         for child in self._children.values():
             child.wait()
+        hits: Counter[str] = Counter()
+        for child in self._children.values():
+            hits.update(child.statistics.get("bus_faults", {}))
+        for name, count in hits.items():
+            self.event("info", f"bus fault {name}: {count} frames hit")
         self._recorder.close()
 
     def close(self) -> None:
@@ -227,10 +259,14 @@ class Supervisor:
         self.link.close()
 
     @property
+    def children(self) -> list[Child]:
+        """All processes, in the order of their start where one node had several."""
+        return [*self._past, *self._children.values()]
+
+    @property
     def logs(self) -> list[Path]:
         """Of all processes, and of the bus."""
-        children = (*self._past, *self._children.values())
-        return [*(child.log for child in children if child.log is not None), self.folder / "bus.mcap"]
+        return [*(child.log for child in self.children if child.log is not None), self.folder / "bus.mcap"]
 
     def pacing(self) -> Pacing:
         """How well the processes kept time; reactions are the result's."""
@@ -271,6 +307,15 @@ def _roles(scenario: Scenario, without: Collection[str]) -> dict[str, Role]:
                 key=f"breaker[{breaker.name}].name",
             )
         roles[breaker.name] = "breaker"
+    for fault in scenario.bus_fault:
+        if fault.kind == "bit_error":
+            raise InputError(
+                "an error on the wire needs the bus model: SocketCAN's virtual bus has no wire",
+                file=scenario.path,
+                key=f"bus_fault[{fault.name}].kind",
+            )
+        if fault.kind in ROGUES:
+            roles[fault.name] = "rogue"
     for name in without:
         if name not in roles:
             raise InputError(f"there is no node '{name}'; {nearest(name, roles)}", key="--without")
@@ -336,10 +381,15 @@ def run_processes(
         pacing = supervisor.pacing()
     finally:
         supervisor.close()
+        if supervisor.clock is None:  # it never began: there is nothing to keep
+            shutil.rmtree(supervisor.folder, ignore_errors=True)
     metadata, attachments = describe(checked, settings, overrides)
-    metadata["processes"] = {"pace": f"{pace:g}", "bus": supervisor._bus, "without": " ".join(without)}
+    metadata["processes"] = {"pace": f"{pace:g}", "bus": supervisor.bus, "without": " ".join(without)}
+    metadata["pacing"] = {"json": json.dumps(asdict(pacing))}
     merge(supervisor.logs, path, clock.start_ns, metadata, attachments)
     shutil.rmtree(supervisor.folder)
+    if supervisor.broken is not None:
+        raise supervisor.broken
     result = read_result(path, checked, time.perf_counter() - started, supervisor.locations)
     result.interrupted = supervisor.interrupted
     result.died = tuple(supervisor.died)

@@ -40,10 +40,7 @@ class PlantNode:
         begins_ns = first_sample * SECOND_NS // sampling_hz
         followed = with_followed_breakers(scenario, frozenset(b.name for b in scenario.breaker))
         self.plant = Plant(_going_on(followed, begins_ns))
-        # The first sample of all must not wait for the kernels to be loaded.
-        state = self.plant.save()
-        self.plant.advance(1)
-        self.plant.restore(state)
+        _rehearse(self.plant)
         self.sampling_hz = sampling_hz
         self.total = -(-round(scenario.scenario.duration_s * 1e9) * sampling_hz // SECOND_NS)
         self.sample_count = self.first_sample = first_sample
@@ -82,7 +79,8 @@ class PlantNode:
     def poll(self, t_ns: int) -> list[Frame]:
         """The frames that are due."""
         frames: list[Frame] = []
-        due = min(t_ns * self.sampling_hz // SECOND_NS + 1, self.total)
+        # Those with `sample_ns` up to `t_ns`.
+        due = min(-(-(t_ns + 1) * self.sampling_hz // SECOND_NS), self.total)
         n = min(due - self.sample_count, AT_ONCE)
         while n > 0:
             made = self.plant.advance(n)
@@ -106,6 +104,18 @@ class PlantNode:
             for movement in follower.receive(t_ns, frame):
                 at_ns = max(t_ns, self.sample_ns(self.sample_count)) - self._begins_ns
                 self.plant.command(self._names[number], movement.operation, movement.poles, at_ns)
+
+
+def _rehearse(plant: Plant) -> None:
+    """Load every kernel that a fault or an opening needs: numba loads one when it is first called, in up to
+    100 ms, for which the samples of a real fault would have to wait."""
+    state = plant.save()
+    for breaker in plant.scenario.breaker:
+        plant.command(breaker.name, "open", 7, 0)
+    left = plant.sampling_hz // 25  # two cycles: every pole has its current zero
+    while left > 0:
+        left -= plant.advance(left)
+    plant.restore(state)
 
 
 def _going_on(scenario: Scenario, begins_ns: int) -> Scenario:

@@ -1,0 +1,221 @@
+"""The nodes of a real bus without one: their time, their samples, their logs."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import faultloop
+from faultloop.errors import InputError
+from faultloop.io.can.frames import Frame, SampledValues, decode
+from faultloop.io.mcap_writer import LogWriter
+from faultloop.live.breaker import BreakerProcess
+from faultloop.live.clock import SECOND_NS, RunClock
+from faultloop.live.merge import merge
+from faultloop.live.plant import PlantProcess
+from faultloop.live.relay import RelayProcess
+from faultloop.live.stream import SampleStream, quantised
+from faultloop.live.supervisor import run_processes
+from faultloop.nodes import FOREVER
+from faultloop.nodes.plant import PlantNode
+from faultloop.pacing import Deadlines, Percentiles
+from faultloop.recording import MemorySink, Recorder
+from faultloop.scenario import Scenario
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+HZ, CYCLE = 4800, 96
+
+
+def sample(count: int, value: float = 1.0) -> Frame:
+    return SampledValues(0, count, (value,) * 6, count & 0xFF).encode()
+
+
+def at(count: int) -> int:
+    return count * SECOND_NS // HZ
+
+
+def fed(stream: SampleStream, counts: list[int]) -> list[bool]:
+    return [stream.receive(at(count), sample(count, float(count))) for count in counts]
+
+
+def test_samples_come_as_unbroken_rows():
+    stream = SampleStream(HZ, CYCLE)
+    assert all(fed(stream, list(range(5))))
+    ((first, rows),) = stream.take()
+    assert first == 0
+    assert rows[:, 0].tolist() == [0, 1, 2, 3, 4]
+    assert stream.take() == []
+    fed(stream, [5, 6])
+    ((first, rows),) = stream.take()
+    assert (first, len(rows)) == (5, 2)
+
+
+def test_a_short_gap_is_bridged_by_a_straight_line_and_counted():
+    stream = SampleStream(HZ, CYCLE)
+    fed(stream, [0, 1, 4])
+    ((_, rows),) = stream.take()
+    assert rows[:, 3].tolist() == [0, 1, 2, 3, 4]
+    assert (stream.lost, stream.bridged) == (2, 2)
+
+
+def test_after_a_long_gap_rows_begin_anew_at_a_whole_cycle():
+    stream = SampleStream(HZ, CYCLE)
+    fed(stream, [0, 1, *range(10, CYCLE + 2)])
+    (first, _), (second, rows) = stream.take()
+    assert (first, second) == (0, CYCLE)
+    assert rows[:, 0].tolist() == [CYCLE, CYCLE + 1]
+    assert stream.lost == 8
+    assert stream.bridged == 0
+
+
+def test_what_is_no_new_valid_sample_is_refused_and_counted():
+    stream = SampleStream(HZ, CYCLE)
+    fed(stream, [0, 1, 2])
+    good = sample(3)
+    damaged = good._replace(data=good.data[:-1] + bytes([good.data[-1] ^ 1]))
+    bad = [damaged, good._replace(data=good.data[:-1]), sample(2), sample(3, math.nan), sample(3 + 2 * HZ)]
+    for frame in bad:
+        assert not stream.receive(at(3), frame)
+    assert stream.rejected == len(bad)
+    assert stream.receive(at(3), good)
+
+
+def test_the_clock_runs_at_its_pace_and_names_whole_microseconds():
+    clock = RunClock(1_000, 5_000, 0.25)
+    assert clock.at(1_000 + 4 * SECOND_NS) == SECOND_NS
+    assert clock.at(0) == -250
+    scenario = faultloop.load_scenario(SCENARIOS / "ag-zone1.toml")
+    now = RunClock.starting_now()
+    assert now.started(scenario).scenario.start_ns == now.start_ns
+
+
+def test_a_deadline_is_missed_where_a_sample_comes_after_the_next_is_due():
+    late = Deadlines(at(1))
+    for k, by in enumerate((0, at(1), at(1) + 1, 5 * at(1))):
+        late.note(at(k), at(k) + by)
+    assert late.missed == 2
+    wall = Percentiles.of(late.late_ns, pace=0.5)
+    assert (wall.count, wall.greatest) == (4, pytest.approx(10 * at(1) / 1e6))
+
+
+def test_logs_are_merged_in_order_of_time_and_a_killed_ones_is_recovered(tmp_path):
+    start_ns = 10**18
+    whole = LogWriter(tmp_path / "RA.mcap", start_ns)
+    killed = LogWriter(tmp_path / "QA.mcap", start_ns)
+    for k in range(10):
+        for writer, name, t_ns in ((whole, "RA", k * 10**9), (killed, "QA", k * 10**9 + 5)):
+            writer.message(f"/breaker/{name}", t_ns, "BreakerStatus", command="", pole_a=True)
+    whole.close()
+    killed.abort()  # as it is after kill -9
+    logs = [tmp_path / f"{name}.mcap" for name in ("RA", "QA", "RB")]
+    notes = merge(logs, tmp_path / "all.mcap", start_ns, {}, {})
+    assert [note.partition("'")[0] for note in notes] == ["QA", "RB left no log"]
+    states = faultloop.open_log(tmp_path / "all.mcap").breaker_states
+    assert [s.t_ns for s in states] == sorted(s.t_ns for s in states)
+    assert [s.source for s in states[:4]] == ["RA", "QA", "RA", "QA"]
+    assert len(states) == 20
+
+
+def plant_node(scenario: Scenario, first: int, changes: list[tuple[int, str, int, int]]) -> PlantNode:
+    return PlantNode(scenario, first, lambda *_: None, lambda *change: changes.append(change))
+
+
+def values(frames: list[Frame]) -> list[tuple[float, ...]]:
+    return [m.values for f in frames if isinstance(m := decode(f), SampledValues) and m.number == 0]
+
+
+def test_a_plant_that_joins_late_goes_on_with_the_same_waves():
+    """The waves of a network that was never interrupted, to a frame's resolution; and the fault to come."""
+    scenario = faultloop.load_scenario(SCENARIOS / "ag-zone1.toml", ["fault.F1.after_s=0.3"])
+    first, n = 10 * CYCLE, 5 * CYCLE
+    node, whole = plant_node(scenario, 0, []), []
+    changes: list[tuple[int, str, int, int]] = []
+    late, joined = plant_node(scenario, first, changes), []
+    for count in range(0, first + n, 16):
+        whole += values(node.poll(at(count + 15)))
+        joined += values(late.poll(at(count + 15)))
+    assert node.sample_count == late.sample_count == len(whole) == first + n
+    # Where one's rounding is up and the other's down: one step of 10 mV or 1 mA.
+    difference = np.abs(np.array(whole[first:]) - np.array(joined)).max(axis=0)
+    assert (difference <= [0.0101] * 3 + [0.00101] * 3).all()
+    for count in range(first + n, round(0.31 * HZ), 16):
+        late.poll(at(count))
+    ((t_ns, kind, number, value),) = changes
+    assert (kind, number, value) == ("fault", 0, 1)
+    assert t_ns == pytest.approx(0.3e9, abs=1e6)
+
+
+def closed_loop(scenario: Scenario) -> list[tuple[str, str, int, str, int, int]]:
+    """All nodes as their processes run them, but for a bus that takes no time; what was decided."""
+    trips: list[tuple[str, str, int, str, int, int]] = []
+
+    class Trips(MemorySink):
+        def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
+            if message_name == "Trip":
+                f = SimpleNamespace(**fields)
+                trips.append((topic.split("/")[2], f.function, f.zone, f.loop, f.poles, f.sample_count))
+
+    plant = PlantProcess(scenario)
+    relays = [RelayProcess(scenario, i) for i in range(len(scenario.relay))]
+    breakers = [BreakerProcess(scenario, i) for i in range(len(scenario.breaker))]
+    nodes = (plant, *relays, *breakers)
+    started = RunClock(2**62, 0)  # time zero is to come
+    for node in nodes:
+        node.begin(Recorder([Trips()]), started)
+    while not plant.node.done:
+        t_ns = min(node.next_ns for node in nodes)
+        assert t_ns < FOREVER
+        sent = [(t_ns, frame) for node in nodes if node.next_ns <= t_ns for frame in node.poll(t_ns)]
+        for node in nodes:
+            node.receive(t_ns, sent)
+    return sorted(trips)
+
+
+@pytest.mark.parametrize("name", ["ag-zone1", "single-pole-trip", "zone2-remote-end", "reverse-fault"])
+def test_nodes_decide_as_the_simulation_does(name):
+    """Samples go through frames, to 10 mV and 1 mA, and breakers move on their own: it is the same trip."""
+    scenario = faultloop.load_scenario(SCENARIOS / f"{name}.toml")
+    simulated = faultloop.run(scenario).trips
+    wanted = sorted((t.relay, t.function, t.zone, t.loop, t.poles, t.sample_count) for t in simulated)
+    assert closed_loop(scenario) == wanted
+
+
+def test_samples_are_rounded_as_a_frame_does():
+    random = np.random.default_rng(1)
+    rows = random.normal(0, 1e5, (50, 6))
+    through = np.array([decode(SampledValues(0, 1, tuple(row)).encode()).values for row in rows.tolist()])  # type: ignore[union-attr]
+    assert np.abs(quantised(rows) - through).max() < 1e-9
+
+
+BIT_ERROR = """
+[[bus_fault]]
+kind = "bit_error"
+node = "RA"
+"""
+
+
+def test_what_is_wrong_is_said_before_any_process_is_started(tmp_path):
+    path = SCENARIOS / "ag-zone1.toml"
+    log = tmp_path / "x.mcap"
+    for arguments, said in (
+        ({"can": "virtual:x"}, "ends where its process does"),
+        ({"can": "nonsense"}, "not INTERFACE:CHANNEL"),
+        ({"can": "socketcan:nope9"}, "no CAN interface|of Linux"),
+        ({"can": "sockitcan:vcan0"}, "no CAN interface 'sockitcan'"),
+        ({"pace": 0.0}, "greater than 0"),
+        ({"without": ["RX"]}, "no node 'RX'"),
+        ({"without": ["plant"]}, "has no end"),
+    ):
+        with pytest.raises(InputError, match=said):
+            run_processes(path, log=log, **({"can": "socketcan:nope9"} | arguments))  # type: ignore[arg-type]
+    text = path.read_text(encoding="utf-8").replace('"settings/', f'"{SCENARIOS.as_posix()}/settings/')
+    wire = tmp_path / "wire.toml"
+    wire.write_text(text + BIT_ERROR, encoding="utf-8")
+    with pytest.raises(InputError, match="no wire"):
+        run_processes(wire, can="socketcan:nope9", log=log)
+    assert list(tmp_path.iterdir()) == [wire]
