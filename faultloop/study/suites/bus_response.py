@@ -122,8 +122,8 @@ def _random_sets(report: Report, quick: bool) -> Table:
     note = (
         f"{SETS[quick]} sets of 4 to 14 messages at {BITRATE // 1000} kbit/s, {PHASINGS[quick]} random "
         f"phasings of 0.2 s each; response over bound. In {too_short} cases the bus takes longer than the "
-        "analysis of 1994 allows. Reached: to within one bit, the resolution of the analysis; where not, a frame "
-        "is offered within the nanosecond by which the blocking frame is ahead."
+        "analysis of 1994 allows. Reached: to within one bit, the resolution of the analysis; where not, a "
+        "frame is offered within the nanosecond by which the blocking frame is ahead."
     )
     columns = ("load", ">messages", ">random: mean", ">random: most", ">critical: least", ">reached %")
     return Table("Random sets: simulated response over its bound", columns, rows, note)
