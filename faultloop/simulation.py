@@ -347,6 +347,7 @@ class Simulation:
         received = self.bus.advance(until_ns)
         for change in self.bus.controller_changes():
             self._event(change.t_ns, str(change.sender), "warning", f"is {change.state}", CAN_EVENTS)
+        deaf = self._deaf | self.bus.bus_off(until_ns)  # no frame is received earlier, see `_serve_bus`
         for t_ns, frame, sender in received:
             self.can_frames += 1
             self.recorder.message(
@@ -361,12 +362,12 @@ class Simulation:
                 sender=str(sender or ""),
             )
             for name, node, relay in zip(self._relay_names, self._relay_nodes, self.relays, strict=True):
-                if name not in self._deaf and node.receive(t_ns, frame):
+                if name not in deaf and node.receive(t_ns, frame):
                     relay.inputs = RelayInputs(node.breaker_closed, node.pilot_received)
             for rogue in self._rogues:
                 rogue.receive(t_ns, frame)
             for number, node in self._breaker_nodes.items():
-                if self._breaker_names[number] in self._deaf:
+                if self._breaker_names[number] in deaf:
                     continue
                 command = node.receive(t_ns, frame)
                 if command is not None:

@@ -148,7 +148,7 @@ def test_a_babbler_of_the_highest_priority_costs_a_trip_a_few_frames_at_most() -
 def test_errors_on_the_wire_cost_time_but_no_frame_and_bus_off_ends() -> None:
     clean = run()
     noisy = run({"kind": "bit_error", "probability": 0.2})
-    assert noisy.can_frames == clean.can_frames
+    assert noisy.can_frames >= clean.can_frames  # one that is hit in its last bit comes twice
     for relay, at in received(noisy).items():
         assert abs((at or 0) - (received(clean)[relay] or 0)) < 5 * 0.35 * MS
     # nothing of RA's goes through for 30 ms: bus-off after 32 tries, and again after each recovery

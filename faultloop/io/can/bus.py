@@ -5,23 +5,26 @@ frame with the lowest arbitration field goes; no frame is pre-empted; three bits
 frame.  Receivers take a frame when the last but one bit of its end of frame has passed (from there on it is
 valid for them), one bit before it is valid for its sender.  Each sender offers all of its waiting frames (it
 has as many mailboxes as it needs); frames with one identifier go in the order of submission.  Errors on the
-wire, where there are any, and what follows from them are in `confinement`.  No propagation delay.
+wire, where there are any, and what follows from them are in `bits` and `confinement`.  No propagation delay.
 """
 
 from __future__ import annotations
 
 import copy
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from faultloop.errors import InputError
+from faultloop.io.can.bits import FLAG, receivers_late, wire_bits
 from faultloop.io.can.confinement import DELIMITER, Controller, ErrorSource, StateChange
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.length import INTERMISSION, wire_length
 
 SECOND_NS = 1_000_000_000
 RECESSIVE_TAIL = 1 + 7  # acknowledge delimiter, end of frame
+Counting = Callable[[Controller], None]
 
 
 class Delivery(NamedTuple):
@@ -86,7 +89,7 @@ class SimulatedBus:
         self.errors = errors
         self.load = BusLoad()
         self.controllers: dict[object, Controller] = {}
-        """Those that have had an error, by sender."""
+        """Of all that have sent, by sender, where there may be errors."""
         self.changes: list[StateChange] = []
         """Of the controllers' states, in the order they were found; whoever reads them takes them out."""
         self.now_ns = 0
@@ -100,6 +103,8 @@ class SimulatedBus:
         if t_ns < self.now_ns:
             raise ValueError(f"submitted at {t_ns} ns, but the bus is at {self.now_ns} ns")
         duration_ns = self.duration_ns(frame)  # refuses what cannot be sent
+        if self.errors is not None or self.controllers:
+            self.controllers.setdefault(sender, Controller(SECOND_NS // self.bitrate))
         self._waiting.append(
             _Waiting(arbitration_field(frame), self._order, t_ns, frame, sender, duration_ns)
         )
@@ -107,8 +112,7 @@ class SimulatedBus:
 
     def duration_ns(self, frame: Frame) -> int:
         """Time on the wire, from the start of frame to the end of the end of frame [ns]."""
-        nominal, data = wire_length(frame)
-        return nominal * SECOND_NS // self.bitrate + data * SECOND_NS // self.data_bitrate
+        return self._bits_ns(*wire_length(frame))
 
     def next_event_ns(self) -> int | None:
         """When the next frame is received, if none is submitted until then; None if none is under way."""
@@ -149,6 +153,12 @@ class SimulatedBus:
     def waiting_from(self, sender: object) -> int:
         """How many frames of a sender wait for the bus, the one on the wire not counted."""
         return sum(waiting.sender == sender for waiting in self._waiting)
+
+    def bus_off(self, t_ns: int) -> frozenset[object]:
+        """Who is bus-off at `t_ns`, the time up to which the bus was advanced: it hears nothing."""
+        if not self.controllers:
+            return frozenset()
+        return frozenset(sender for sender, one in self.controllers.items() if one.off(t_ns))
 
     def save(self) -> tuple:
         """Everything that changes, for `restore`."""
@@ -209,33 +219,53 @@ class SimulatedBus:
         load.longest_wait_ns[chosen.frame.id] = max(wait_ns, load.longest_wait_ns.get(chosen.frame.id, 0))
         if self.controllers:
             self._begin_recessive_run(end_ns - RECESSIVE_TAIL * SECOND_NS // self.bitrate)
-            controller = self.controllers.get(chosen.sender)
-            if controller is not None:
-                before = controller.state
-                controller.succeeded(self._idle_ns)
-                self._note(end_ns, chosen.sender, before)
+            self._confine(end_ns, chosen.sender, lambda c: c.succeeded(self._idle_ns), Controller.heard_frame)
 
     # -- errors on the wire ---------------------------------------------------------------------------------
 
     def _hit(self, chosen: _Waiting, start_ns: int) -> bool:
         """If an error hits the frame that begins: it is cut, and stays to be sent again."""
         assert self.errors is not None
-        bits = sum(wire_length(chosen.frame))
-        error = self.errors.hit(start_ns, chosen.frame, chosen.sender, bits)
-        if error is None:
+        frame, sender = chosen.frame, chosen.sender
+        place = self.errors.hit(start_ns, frame, sender, sum(wire_length(frame)))
+        if place is None:
             return False
-        bit_ns = SECOND_NS // self.bitrate
-        controller = self.controllers.setdefault(chosen.sender, Controller(bit_ns))
-        before = controller.state
-        flag_ns = start_ns + chosen.duration_ns * error.bit // bits
-        delimiter_ns = flag_ns + controller.flag_bits(error) * bit_ns
-        self._idle_ns = delimiter_ns + (DELIMITER + INTERMISSION) * bit_ns
+        passive = self.controllers[sender].state == "error-passive"
+        seen_ns, delimiter_ns = self._flags_ns(start_ns, frame, place, passive)
+        received_ns = self._received_ns(chosen, start_ns)
+        if received_ns < seen_ns:  # in the very last bit: receivers have taken it, and will take it again
+            self._sending = (Delivery(received_ns, frame, sender),)
+        self._idle_ns = delimiter_ns + (DELIMITER + INTERMISSION) * SECOND_NS // self.bitrate
         self.load.errors += 1
         self.load.busy_ns += self._idle_ns - start_ns
         self._begin_recessive_run(delimiter_ns)
-        controller.failed(delimiter_ns, self._idle_ns)
-        self._note(flag_ns, chosen.sender, before)
+        self._confine(
+            seen_ns, sender, lambda c: c.failed(delimiter_ns, self._idle_ns), Controller.heard_error
+        )
         return True
+
+    def _flags_ns(self, start_ns: int, frame: Frame, place: int, passive: bool) -> tuple[int, int]:
+        """When the sender sees the disturbed bit, and when the last error flag has ended.
+
+        From the bit after that one on everything is at the nominal bit rate, but receivers that are still in
+        the data phase look that often whether a rule is broken.
+        """
+        wire = wire_bits(frame)
+        fast = sum(place >= other for other in wire.data_phase)
+        seen_ns = start_ns + self._bits_ns(place + 1 - fast, fast)
+        late = receivers_late(wire, place, passive=passive)
+        late_ns = self._bits_ns(0, late) if place in wire.data_phase else self._bits_ns(late, 0)
+        return seen_ns, seen_ns + late_ns + self._bits_ns(FLAG, 0)
+
+    def _bits_ns(self, nominal: int, data: int) -> int:
+        return nominal * SECOND_NS // self.bitrate + data * SECOND_NS // self.data_bitrate
+
+    def _confine(self, t_ns: int, sender: object, own: Counting, others: Counting) -> None:
+        """Count what has happened at the sender and at the others; note whose state it changed."""
+        for node, controller in self.controllers.items():
+            before = controller.state
+            (own if node == sender else others)(controller)
+            self._note(t_ns, node, before)
 
     def _end_recessive_run(self, t_ns: int) -> None:
         """A frame begins: whoever has seen enough by then is back, the others go on counting after it."""

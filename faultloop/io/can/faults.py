@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Sequence
 from random import Random
 from typing import Protocol
 
-from faultloop.io.can.confinement import FLAG, LONGEST_FLAGS, WireError
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import BY_IDENTIFIER
 
@@ -95,8 +94,8 @@ class SenderFaults:
 class WireErrors:
     """Errors on the wire (``kind = "bit_error"``): the bus model's `ErrorSource`.
 
-    A transmission that is hit is hit at a bit of which none is likelier than another, and all nodes' flags
-    together are 6 to 12 bits, likewise.
+    A transmission that is hit is hit at one bit, of which none is likelier than another; where two faults hit
+    the same one, the first bit counts.
     """
 
     def __init__(self, seed: int, faults: Iterable[Fault]) -> None:
@@ -105,21 +104,17 @@ class WireErrors:
         self._hits: dict[tuple[int, object], Hits] = {}
         self.hits: Counter[str] = Counter()
 
-    def hit(self, t_ns: int, frame: Frame, sender: object, bits: int) -> WireError | None:
-        """Asked once for each transmission, of `bits` bits, that begins at `t_ns`."""
-        errors = [e for i, fault in self._faults if (e := self._error(i, fault, t_ns, frame, sender, bits))]
-        return min(errors, default=None)
-
-    def _error(
-        self, i: int, fault: Fault, t_ns: int, frame: Frame, sender: object, bits: int
-    ) -> WireError | None:
-        if fault.node not in (None, sender):
-            return None
-        hits = self._hits.setdefault((i, sender), Hits(fault, f"{self._seed}/{i}/{sender}"))
-        if not hits.hit(t_ns, frame):
-            return None
-        self.hits[fault.name] += 1
-        return WireError(hits.content.randint(1, bits), hits.content.randint(FLAG, LONGEST_FLAGS))
+    def hit(self, t_ns: int, frame: Frame, sender: object, bits: int) -> int | None:
+        """Place of the bit that is disturbed, or None; asked once for each transmission."""
+        places = []
+        for i, fault in self._faults:
+            if fault.node not in (None, sender):
+                continue
+            hits = self._hits.setdefault((i, sender), Hits(fault, f"{self._seed}/{i}/{sender}"))
+            if hits.hit(t_ns, frame):
+                self.hits[fault.name] += 1
+                places.append(hits.content.randrange(bits))
+        return min(places, default=None)
 
 
 def active(fault: Fault, t_ns: int) -> bool:

@@ -141,6 +141,10 @@ class Transport:
         changes, self.model.changes = self.model.changes, []
         return changes
 
+    def bus_off(self, t_ns: int) -> frozenset[object]:
+        """Who is bus-off at `t_ns`, the time up to which the bus was advanced: it hears nothing."""
+        return self.model.bus_off(t_ns)
+
     def waiting_from(self, sender: object) -> int:
         """How many frames of a sender wait for the bus."""
         return self.model.waiting_from(sender)
