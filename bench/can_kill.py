@@ -5,9 +5,9 @@
 A healthy line, its plant, two relays and two breakers as processes.  At random times a random one of them is
 killed, now and then once more while it starts again.  After each trial it must take part again: heartbeat,
 and samples (plant), valid measurements (relay), position (breaker).  Meanwhile nothing may trip, and nobody
-else may end.  Each killed process's log is recovered.  Every run ends with a fault (at --fault-s of its own
-time), which both ends must trip.  Where this machine has no vcan0, it runs in the guest of tests/with-vcan.
-Exit status 1 where a trial failed.
+else may end.  Each killed process's log is recovered, a relay's up to half a second before.  Every run ends
+with a fault (at --fault-s of its own time), which both ends must clear.  Where this machine has no vcan0, it
+runs in the guest of tests/with-vcan.  Exit status 1 where a trial failed.
 """
 
 # ruff: noqa: E402
@@ -27,6 +27,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[0] = str(ROOT)  # and not this folder, whose can.py is not python-can
 
+import numpy as np
+
 from faultloop.io.can.frames import Frame, Measurements, Page, State, decode
 from faultloop.io.can.table import PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_reader import open_log
@@ -37,6 +39,8 @@ from faultloop.scenario import Scenario, load_scenario
 
 SETTLED_S = 1.5
 """Of run time between the last trial and the fault."""
+KEPT_UP_TO_S = 0.5
+"""A killed relay's log is there up to so long before its end: the writer writes every 0.25 s of run time."""
 REJOIN_WITHIN_S = 60.0  # of wall time
 
 
@@ -110,7 +114,11 @@ class Trials:
         self.random = source
         self.rejoined_s: dict[str, list[float]] = defaultdict(list)
         self.failures: list[str] = []
+        self.again = 0
+        """Kills of a node that was starting."""
         self.kills: list[tuple[str, int]] = []
+        """Of nodes that took part, with the run time [ns]."""
+        self.reaction_ms: list[float] = []
 
     def listen_until(self, done: Callable[[], bool], within_s: float) -> bool:
         until = time.monotonic() + within_s
@@ -133,10 +141,12 @@ class Trials:
     def trial(self) -> None:
         name = self.random.choice(self.supervisor.names)
         self.listen_until(lambda: False, self.random.uniform(0.0, 0.5))
+        self.kills.append((name, round(self.now_s() * 1e9)))
         self._kill(name)
         if self.random.random() < 0.1:  # and once more, while it starts
             self.listen_until(lambda: False, self.random.uniform(0.0, 2.0))
             self._kill(name)
+            self.again += 1
         began = self.now_s()
         self.watch.forget()
         wanted = signs(self.scenario, name)
@@ -151,7 +161,6 @@ class Trials:
             self.watch.trips = self.watch.openings = 0
 
     def _kill(self, name: str) -> None:
-        self.kills.append((name, round(self.now_s() * 1e9)))
         self.supervisor.kill(name)
         self.supervisor.restart(name)
 
@@ -182,17 +191,28 @@ class Trials:
             if "recovered" not in note and "left no log" not in note:
                 self.failures.append(note)
         result = read_result(out, self.scenario, 0.0, {})
-        if not result.held:
-            self.failures += [verdict.why for verdict in result.expectations if not verdict.held]
+        for place in self.scenario.relay:
+            own = [trip for trip in result.trips if trip.relay == place.name]
+            if not any(trip.function == "PDIS1" and trip.opened_ns is not None for trip in own):
+                self.failures.append(f"{place.name} did not clear the fault")
+        self.reaction_ms += [
+            (trip.received_ns - trip.t_ns) / 1e6 for trip in result.trips if trip.received_ns is not None
+        ]
         early = [trip for trip in result.trips if trip.t_ns < self.fault_s * 1e9]
         self.failures += [f"tripped without a fault: {trip}" for trip in early]
         log = open_log(out)
         told = [entry for entry in log.events if "ended before" in entry.message]
         self.failures += [entry.message for entry in told]
+        for name, t_ns in self.kills:
+            if name in log.relays:
+                known = log.samples(name)["t_ns"]
+                last_ns = int(known[np.searchsorted(known, t_ns) - 1])
+                if t_ns - last_ns > KEPT_UP_TO_S * 1e9:
+                    self.failures.append(f"{name} killed: its log ends {(t_ns - last_ns) / 1e9:.2f} s before")
 
 
 def report(trials: list[Trials], count: int) -> None:
-    kills = sum(len(t.kills) for t in trials)
+    kills = sum(len(t.kills) + t.again for t in trials)
     print(f"\n{count} trials, {kills} kills in {len(trials)} runs")
     for name in trials[0].supervisor.names:
         times = sorted(s for t in trials for s in t.rejoined_s[name])
@@ -201,6 +221,10 @@ def report(trials: list[Trials], count: int) -> None:
                 f"  {name:6} {len(times):4} times; takes part again after"
                 f" {times[len(times) // 2]:.2f} s of run time (median), {times[-1]:.2f} s (greatest)"
             )
+    reactions = [f"{ms:.1f}" for t in trials for ms in t.reaction_ms]
+    print(
+        f"  decided to received by the breaker, at each run's fault [ms of run time]: {' '.join(reactions)}"
+    )
     failures = [failure for t in trials for failure in t.failures]
     print(f"  {len(failures)} failures")
     for failure in failures:

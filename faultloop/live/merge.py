@@ -62,7 +62,8 @@ def _write(logs: Sequence[Log], writer: LogWriter, start_ns: int) -> None:
         for relay in log.relays:
             if relay not in rows:
                 writer.add_relay(relay, _bare_bits(log, relay), log.characteristics(relay))
-            rows.setdefault(relay, []).append(_columns(log, relay, shift))
+            if len(log.samples(relay)):
+                rows.setdefault(relay, []).append(_columns(log, relay, shift))
     rare.sort(key=lambda entry: entry[0])
     whole = {relay: _joined(parts) for relay, parts in rows.items()}
     ends = [columns[0][-1] for columns in whole.values() if len(columns[0])] + [e[0] for e in rare[-1:]]

@@ -19,9 +19,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from faultloop.errors import InputError
-from faultloop.io.can.frames import Frame, Heartbeat, decode
-from faultloop.io.can.table import PLANT_NODE, TICK_NS, Kind
-from faultloop.live.clock import RunClock
+from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, decode
+from faultloop.io.can.table import PLANT_NODE, TICK_NS
+from faultloop.live.clock import SECOND_NS, RunClock
 from faultloop.live.link import Link
 from faultloop.live.outbox import Outbox
 from faultloop.recording import Recorder
@@ -119,23 +119,27 @@ def _as_linux_shall_know_it(name: str) -> None:
         libc.prctl(pr_set_name, f"faultloop {name}".encode()[:15])
 
 
-def plant_clock(link: Link, pace: float, stop: Stop, told: Callable[[str], None]) -> RunClock | None:
+def plant_clock(
+    link: Link, scenario: Scenario, pace: float, stop: Stop, told: Callable[[str], None]
+) -> RunClock | None:
     """The clock of a run that others have begun, from what the plant says; waits until it says something."""
     told("waiting for the plant: its sampled values or heartbeat tell the time")
     while not stop.wanted.is_set():
         for monotonic_ns, frame in link.receive(LONGEST_WAIT_S):
-            t_ns = _time_of_plant(frame)
+            t_ns = _time_of_plant(frame, scenario.system.sampling_hz)
             if t_ns is not None:
                 late = time.monotonic_ns() - monotonic_ns
                 return RunClock.showing(t_ns + round(late * pace), pace)
     return None
 
 
-def _time_of_plant(frame: Frame) -> int | None:
-    if frame.id != Kind.HEARTBEAT + PLANT_NODE:
-        return None
+def _time_of_plant(frame: Frame, sampling_hz: int) -> int | None:
     message = decode(frame)
-    return message.time * TICK_NS if isinstance(message, Heartbeat) else None
+    if isinstance(message, SampledValues):
+        return message.sample_count * SECOND_NS // sampling_hz
+    if isinstance(message, Heartbeat) and message.number == PLANT_NODE:
+        return message.time * TICK_NS
+    return None
 
 
 def serve(
@@ -204,7 +208,9 @@ def run_node(
         elif leads:
             clock = RunClock.starting_now(pace, in_s=0.2)
         else:
-            clock = plant_clock(link, pace, stop, lambda text: print(f"{node.name}: {text}", file=sys.stderr))
+            clock = plant_clock(
+                link, scenario, pace, stop, lambda text: print(f"{node.name}: {text}", file=sys.stderr)
+            )
         if clock is None:
             return False
         recorder = open_log(log, clock, metadata)

@@ -105,6 +105,9 @@ def test_a_deadline_is_missed_where_a_sample_comes_after_the_next_is_due():
 
 def test_logs_are_merged_in_order_of_time_and_a_killed_ones_is_recovered(tmp_path):
     start_ns = 10**18
+    early = LogWriter(tmp_path / "RX.mcap", start_ns)
+    early.add_relay("RX", ["PDIS1"], {})  # ended before its first sample
+    early.close()
     whole = LogWriter(tmp_path / "RA.mcap", start_ns)
     killed = LogWriter(tmp_path / "QA.mcap", start_ns)
     for k in range(10):
@@ -112,7 +115,7 @@ def test_logs_are_merged_in_order_of_time_and_a_killed_ones_is_recovered(tmp_pat
             writer.message(f"/breaker/{name}", t_ns, "BreakerStatus", command="", pole_a=True)
     whole.close()
     killed.abort()  # as it is after kill -9
-    logs = [tmp_path / f"{name}.mcap" for name in ("RA", "QA", "RB")]
+    logs = [tmp_path / f"{name}.mcap" for name in ("RA", "QA", "RB", "RX")]
     notes = merge(logs, tmp_path / "all.mcap", start_ns, {}, {})
     assert [note.partition("'")[0] for note in notes] == ["QA", "RB left no log"]
     states = faultloop.open_log(tmp_path / "all.mcap").breaker_states
