@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from faultloop.study.can_response import Message, first_response_ns, longest_bits, response_ns
+from faultloop.study.can_response import Errors, Message, first_response_ns, longest_bits, response_ns
 from faultloop.study.suites import bus_babbling, bus_loss, bus_response, run_suite
 
 US = 1_000
@@ -31,6 +31,20 @@ def test_a_jitter_by_hand():
     pair = [Message("a", 100 * US, 300 * US, 250 * US), Message("b", 100 * US, 1000 * US)]
     assert response_ns(pair, 0, US) == 450 * US
     assert response_ns(pair, 1, US) == 300 * US
+
+
+def test_errors_by_hand():
+    """Each costs 31 bits and the frame again: for one of 100 us at 1 Mbit/s 100 + 131 us, two 131 more."""
+    alone = [Message("a", 100 * US, 1000 * US)]
+    assert response_ns(alone, 0, US, Errors(1, 10_000 * US)) == 231 * US
+    assert response_ns(alone, 0, US, Errors(2, 10_000 * US)) == 362 * US
+    # Where the next comes within the response, it costs as well: 231 us are longer than 200.
+    assert response_ns(alone, 0, US, Errors(1, 200 * US)) == 362 * US
+    # An error each 131 us is a bus with nothing else on it.
+    assert response_ns(alone, 0, US, Errors(1, 131 * US)) is None
+    # Below a short message of higher priority the longer own frame counts: 100 + 131 + one of 50.
+    pair = [Message("b", 50 * US, 1000 * US), *alone]
+    assert response_ns(pair, 1, US, Errors(1, 10_000 * US)) == 281 * US
 
 
 def test_no_bound_where_the_bus_is_full():
