@@ -58,6 +58,26 @@ def test_the_block_size_changes_no_bit(block: int, monkeypatch: pytest.MonkeyPat
     assert everything(faultloop.run(LOSSY)) == wanted
 
 
+@pytest.mark.parametrize("node", ["RA", "QA"])
+def test_the_block_size_changes_no_bit_of_a_bus_off(node: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    broken = {"kind": "bit_error", "node": node, "start_s": 0.09, "duration_s": 0.05}
+    wanted = run(broken)
+    assert any("bus-off" in text for text in texts(wanted, node))
+    monkeypatch.setattr(simulation, "BLOCK", 3)
+    assert everything(run(broken)) == everything(wanted)
+
+
+def test_a_breaker_that_is_bus_off_hears_no_trip() -> None:
+    """Every frame of QA's is hit, so its controller goes bus-off and comes back, again and again."""
+    broken = run({"kind": "bit_error", "node": "QA", "start_s": 0.01, "duration_s": 0.15})
+    states = [(e.t_ns, e.text) for e in broken.events if e.source == "QA" and e.text.startswith("is ")]
+    sent = received(run())["RA"] or 0
+    off = max(t_ns for t_ns, text in states if text == "is bus-off" and t_ns < sent)
+    back = min(t_ns for t_ns, text in states if text == "is error-active" and t_ns > off)
+    assert off < sent < sent + 2 * MS < back < sent + 6 * MS  # the trip and its first repetition are missed
+    assert received(broken)["RA"] == pytest.approx(sent + 6 * MS, abs=0.3 * MS)
+
+
 def test_a_fault_that_hits_nothing_changes_nothing() -> None:
     clean, faulty = run(), run({"kind": "loss", "probability": 0.0})
     clean_events, events = ([e for e in r.events if e.source != "B1"] for r in (clean, faulty))
