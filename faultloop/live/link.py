@@ -17,9 +17,17 @@ from typing import Protocol
 
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame
-from faultloop.io.can.transport import SEND_WITHIN_S, from_message, open_bus, send, to_message
+from faultloop.io.can.transport import (
+    SEND_WITHIN_S,
+    check_socketcan,
+    from_message,
+    open_bus,
+    send,
+    to_message,
+)
 
 RECEIVE_BUFFER = 8 << 20  # bytes: some seconds of samples, for the time in which a process cannot run
+LISTENER_BUFFER = 128 << 20  # the same for who hears everything and writes it down
 BATCH = 512  # frames taken at once: a node must get to its own work
 
 _CLASSIC = struct.Struct("=IB3x8s")
@@ -27,7 +35,8 @@ _FD = struct.Struct("=IBBxx64s")
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 _BRS = 0x01
 _ERROR_FILTER = 2  # CAN_RAW_ERR_FILTER
-_SO_RCVBUFFORCE, _SO_MEMINFO, _DROPS = 33, 55, 8
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_MEMINFO, _DROPS = 33, 35, 55, 8
+_TIMESPEC = struct.Struct("=qq")
 _FULL = (errno.ENOBUFS, errno.EAGAIN)
 
 
@@ -62,7 +71,8 @@ def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None) 
     Parameters
     ----------
     fd : CAN FD frames, too.
-    identifiers : of the frames that are wanted; all where not given.
+    identifiers : of the frames that are wanted; all where not given, each then with the time at which the
+        kernel got it, where that is known.
 
     Raises
     ------
@@ -78,7 +88,7 @@ def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None) 
             key="--can",
         )
     if interface == "socketcan":
-        return SocketLink(name, fd, wanted)
+        return SocketListener(name, fd) if wanted is None else SocketLink(name, fd, wanted)
     return PythonCanLink(interface, name, fd, wanted)
 
 
@@ -86,14 +96,11 @@ class SocketLink:
     """A raw socket of Linux's SocketCAN."""
 
     def __init__(self, name: str, fd: bool, identifiers: frozenset[int] | None) -> None:
-        open_bus("socketcan", name, fd=fd).shutdown()  # says in one line what is wrong with it
+        check_socketcan(name, fd)
         self.name = name
         self.sent = self.received = self.retries = self.errors = 0
         self._socket = s = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
-        try:
-            s.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
-        except OSError:  # not root: as much as the system allows
-            s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self._size(RECEIVE_BUFFER)
         if fd:
             s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FD_FRAMES, 1)
         s.setsockopt(socket.SOL_CAN_RAW, _ERROR_FILTER, 0x1FFFFFFF)
@@ -102,10 +109,19 @@ class SocketLink:
                 struct.pack("=II", i, _EXTENDED | _REMOTE | 0x7FF) for i in sorted(identifiers)
             )
             s.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, filters)
-        s.bind((name,))
+        try:
+            s.bind((name,))  # last: nothing comes unfiltered
+        except OSError as error:
+            raise InputError(f"cannot open: {error.strerror or error}", key=name) from error
         s.setblocking(False)
         self._poll = select.poll()
         self._poll.register(s, select.POLLIN)
+
+    def _size(self, buffer: int) -> None:
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, buffer)
+        except OSError:  # not root: as much as the system allows
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
 
     def send(self, frame: Frame) -> None:
         """Send; wait, with a bound, where the transmit queue is full."""
@@ -132,19 +148,23 @@ class SocketLink:
         if not self._poll.poll(max(0.0, timeout_s) * 1000):
             return []
         frames: list[tuple[int, Frame]] = []
-        take = self._socket.recv
+        take = self._take
         try:
             for _ in range(BATCH):
-                data = take(_FD.size)
+                at_ns, data = take()
                 frame = self._frame(data)
                 if frame is not None:
-                    frames.append((time.monotonic_ns(), frame))
+                    frames.append((at_ns, frame))
         except BlockingIOError:
             pass
         except OSError as error:
             raise self._broken("receive", error) from error
         self.received += len(frames)
         return frames
+
+    def _take(self) -> tuple[int, bytes]:
+        data = self._socket.recv(_FD.size)
+        return time.monotonic_ns(), data
 
     def _frame(self, data: bytes) -> Frame | None:
         fd = len(data) == _FD.size
@@ -174,6 +194,33 @@ class SocketLink:
 
     def close(self) -> None:
         self._socket.close()
+
+
+class SocketListener(SocketLink):
+    """Hears everything, with the time at which the kernel got it; and may be late without losing anything."""
+
+    def __init__(self, name: str, fd: bool) -> None:
+        super().__init__(name, fd, None)
+        self._size(LISTENER_BUFFER)
+        self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+        self._ahead_ns = _wall_clock_ahead_ns()
+
+    def _take(self) -> tuple[int, bytes]:
+        data, ancillary, _, _ = self._socket.recvmsg(_FD.size, 64)
+        for level, kind, content in ancillary:
+            if level == socket.SOL_SOCKET and kind == _SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIMESPEC.unpack_from(content)
+                return seconds * 1_000_000_000 + nanoseconds - self._ahead_ns, data
+        return time.monotonic_ns(), data
+
+
+def _wall_clock_ahead_ns() -> int:
+    """By how much the wall clock, of the kernel's stamps, is ahead of the monotonic one."""
+    readings = []
+    for _ in range(10):  # the one of them in which nobody came between
+        before, wall, after = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+        readings.append((after - before, wall - (before + after) // 2))
+    return min(readings)[1]
 
 
 class PythonCanLink:

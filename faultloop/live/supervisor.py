@@ -17,7 +17,7 @@ from faultloop.disturbances import Edges, end_ns
 from faultloop.disturbances import describe as describe_fault
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import unsealed
-from faultloop.io.can.frames import Frame, State, decode
+from faultloop.io.can.frames import Frame, Rejection, State, decode
 from faultloop.io.can.table import BY_IDENTIFIER, PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.live.child import Child, ended_how
@@ -27,6 +27,7 @@ from faultloop.live.merge import merge
 from faultloop.live.nodes import ROGUES, NodeOptions, Role, bus_of, check_pace
 from faultloop.live.outcome import read_result
 from faultloop.nodes.clock import FOREVER
+from faultloop.nodes.refusals import Refusals
 from faultloop.pacing import Pacing, Percentiles
 from faultloop.recording import Recorder, check_log_path, describe
 from faultloop.relay import load_settings
@@ -92,6 +93,7 @@ class Supervisor:
         self.link: Link = open_link(self.bus, fd=True)
         self.clock: RunClock | None = None
         self._recorder = Recorder([])
+        self._refusals = Refusals(self._tell)
 
     @property
     def names(self) -> list[str]:
@@ -162,9 +164,12 @@ class Supervisor:
         return self._children[name].ended
 
     def event(self, level: str, text: str) -> None:
-        """A line of the supervisor's own, in the plant's event list."""
+        """A line of the supervisor's own, in the event list of the bus."""
         assert self.clock is not None
-        self._recorder.event("/plant/events", max(self.clock.now_ns(), 0), level, text, "supervisor")
+        self._tell(self.clock.now_ns(), level, text)
+
+    def _tell(self, t_ns: int, level: str, text: str) -> None:
+        self._recorder.event(CAN_EVENTS, max(t_ns, 0), level, text, "supervisor")
 
     # -- the bus --------------------------------------------------------------------------------------------
 
@@ -175,6 +180,8 @@ class Supervisor:
         frames = [(clock.at(at), frame) for at, frame in self.link.receive(timeout_s)]
         for t_ns, frame in frames:
             self._log(max(t_ns, 0), frame)
+            if frame.id not in BY_IDENTIFIER:  # the nodes do not hear them: their kernel filters them out
+                self._refusals.add(t_ns, frame, Rejection.UNKNOWN_ID)
         self.frames += len(frames)
         for child in self._children.values():
             child.listen()

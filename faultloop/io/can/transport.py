@@ -74,7 +74,7 @@ def open_bus(
             channel, interface="virtual", preserve_timestamps=True, protocol=protocol, ignore_config=True
         )
     if interface == "socketcan":
-        _check_socketcan(channel, fd)
+        check_socketcan(channel, fd)
         return _opened(lambda: can.Bus(channel, interface="socketcan", fd=fd, ignore_config=True), channel)
     return _opened(lambda: can.Bus(channel, interface=interface, bitrate=bitrate, fd=fd), channel)
 
@@ -271,8 +271,11 @@ def _reason(error: Exception, code: int | None) -> str:
     return str(error) or type(error).__name__
 
 
-def _check_socketcan(channel: str, fd: bool) -> None:
-    """What `bind` would not tell: an interface that is down or carries no FD frames."""
+def check_socketcan(channel: str, fd: bool) -> None:
+    """InputError where SocketCAN has no such interface, it is down, or it carries no FD frames.
+
+    `bind` would not tell of the last two.
+    """
     if not sys.platform.startswith("linux"):
         raise InputError("SocketCAN is of Linux: use interface = 'virtual'", key="interface")
     device = Path("/sys/class/net") / channel
