@@ -56,7 +56,8 @@ def report(quick: bool) -> Report:
     report.text = [
         "A trip between 0.5 and 2.5 s after the nodes' start, 500 kbit/s, repeated after 2, 4, 8, ... ms, at "
         f"most every {HEARTBEAT_S:g} s. Undisturbed the breaker has it {base_ms:.3f} ms after the relay's "
-        "decision; the delays below are added to that. Bursts: Gilbert's chain, a step for each trip frame.",
+        "decision; the delays below are added to that. Bursts: Gilbert's chain, a step for each trip frame. "
+        f"The relay holds its trip; lost is one that is not received within {PATIENCE_NS // 10**9} s.",
     ]
     rows, counted = [], []
     for loss in CASES:
