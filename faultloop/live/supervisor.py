@@ -209,14 +209,16 @@ class Supervisor:
 
     def run(self, progress: Callable[[float], None] | None = None) -> None:
         """Until the plant has published its last sample and the bus is silent, or until a signal."""
+        try:
+            self._run(progress)
+        except InputError as error:  # the interface went down: what there is, is logged
+            self.broken = error
+            self.event("error", str(error))
+
+    def _run(self, progress: Callable[[float], None] | None) -> None:
         assert self.clock is not None
         while not self.interrupted:
-            try:
-                self.listen()
-            except InputError as error:  # the interface went down: what there is, is logged
-                self.broken = error
-                self.event("error", str(error))
-                return
+            self.listen()
             self._watch()
             self._disturb()
             if progress is not None:
