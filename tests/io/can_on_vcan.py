@@ -100,6 +100,7 @@ def test_can_utils_on_the_same_bus(tmp_path):
                     deliveries += bus.advance(bus.model.now_ns + 10**6)
                     if b"7FF#0102" in log.read_bytes():
                         break
+                deliveries += bus.advance(bus.model.now_ns + 10**6)  # a frame comes after it is found
                 assert deliveries and {d.frame for d in deliveries} == {Frame(0x7FF, b"\x01\x02")}
                 assert {d.sender for d in deliveries} == {"external"}
                 bus.submit(bus.model.now_ns, TRIP.encode(), "R3")
