@@ -320,7 +320,7 @@ def _checks(name: str, outcome: Outcome, commands: int) -> list[Check]:
         # CRC-8 is what stands between a frame with several bits wrong and the breaker: see the last table.
         corrupted = outcome.frames["1 to 8 bits flipped"] + outcome.frames["random content"]
         share = len(outcome.operations) / corrupted
-        checks.append(Check(f"{name}: operations in each frame with several bits wrong", share, 1e-4))
+        checks.append(Check(f"{name}: operations in each frame with several bits wrong", share, 2e-5))
         others = [kind for kind, _, _ in outcome.operations if kind != "1 to 8 bits flipped"]
         checks.append(Check(f"{name}: operations by anything else", len(others), 0))
     else:
