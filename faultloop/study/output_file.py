@@ -20,6 +20,8 @@ def write_aside(path: str | Path, suffix: str) -> Iterator[Path]:
         raise InputError(
             f"must end in {suffix}, as in {path.with_suffix(suffix).name or 'review' + suffix}", file=path
         )
+    if path.is_dir():  # else only the last step, after the work, would find it out
+        raise InputError("cannot be written: it is a folder", file=path)
     aside = path.with_name(path.name + ".part")
     try:
         aside.touch()  # what is wrong with the path shows before the work

@@ -14,6 +14,7 @@ from faultloop.errors import InputError
 from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.study import page
+from faultloop.study.output_file import write_aside
 from faultloop.study.plot import draw, shown_relays, write_png
 from faultloop.study.relay_rows import relay_rows
 from faultloop.study.review import summarize
@@ -138,6 +139,13 @@ def test_folder_in_the_way(known: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"):
         write_png(log, summarize(log), tmp_path / "a.png")
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_folder_in_the_way_is_refused_before_the_work(tmp_path: Path) -> None:
+    """A suite runs for minutes: `--html` onto a folder is not to be found out at its end."""
+    (tmp_path / "a.html").mkdir()
+    with pytest.raises(InputError, match="a folder"), write_aside(tmp_path / "a.html", ".html"):
+        pytest.fail("the work has begun")
 
 
 def test_names_are_no_markup(tmp_path: Path) -> None:
