@@ -116,6 +116,9 @@ def report(quick: bool) -> Report:
         "The paper's claim: single-phase faults within half a cycle, three-phase about one cycle; from "
         "its own model's data and initial conditions that it does not give. 'Renewed' is told the inception, "
         f"and the floor of {FLOOR:g} of the peak was chosen on these very cases (see 'The floor').",
+        f"So were the two R0 of '{FADING}', {FIRST_FLOOR[kf.VOLTAGE]:g} of the peak for voltages and "
+        f"{FIRST_FLOOR[kf.DECAYING]:g} for currents, with T_U of one cycle. The checks are of this rule: "
+        "they show what it reaches on these cases, and predict nothing for another line.",
         *(["Quick: two faults, two angles."] if quick else []),
     ]
     result.tables += [_voltages(records), _currents(records), _floors(records), _package(records)]
