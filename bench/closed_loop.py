@@ -6,12 +6,16 @@ relays with the adaptive Kalman filter, six loops, four zones, every sample and 
 Prints simulated seconds per second of wall time: the whole, and where the time goes.
 """
 
+# ruff: noqa: E402
 from __future__ import annotations
+
+import sys
+
+del sys.path[0]  # this folder: its can.py is not python-can
 
 import cProfile
 import os
 import pstats
-import sys
 import tempfile
 import time
 from pathlib import Path

@@ -259,6 +259,8 @@ def percentages(out: Report, errors: dict[str, Errors], own: dict[str, Errors]) 
         mine = [better(both, n, other) for n in (name, ckmc(5.0).name, ORACLE.name, "own")]
         rows.append((f"than {other}", published, *mine))
         if other != mcc(SAME).name:
+            what = f"mixture .98, like for like (published): {name} better than {other}, J"
+            out.checks.append(Check(what, mine[0], published, "%", at_least=True))
             what = f"mixture .98, not like for like: CKMC-CKF with the model's Q better than {other}, J"
             out.checks.append(Check(what, mine[3], published, "%", at_least=True))
             what = f"mixture .98: J of {name} over that of {other} (ranking)"

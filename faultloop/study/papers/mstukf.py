@@ -204,6 +204,7 @@ def sag_part(found: Report, seeds: int) -> None:
             Check(f"Sag, {which}{what}, median", float(median(best)[i]), limit, unit.removesuffix("]"))
         )
     found.checks.append(share_check("Sag found at exactly 701", best, START_FOUND))
+    found.checks.append(share_check("End of the sag found at exactly 1401 (published)", best, END_FOUND))
     found.checks.append(Check("Sag, false alarms", float(best[:, FALSE_ALARMS].mean()), 1.0, "1/s"))
 
 
