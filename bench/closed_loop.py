@@ -1,5 +1,5 @@
 """Closed loop against real time, on one core: two Bergeron sections (a fault in the middle of the line), two
-relays with the adaptive Kalman filter, six loops, four zones, every sample and estimate logged to MCAP.
+relays with the adaptive Kalman filter or the default, six loops, four zones, all of it logged to MCAP.
 
     python bench/closed_loop.py
 
@@ -28,13 +28,21 @@ SECONDS = 10.0
 RUNS = 5
 
 
-def bench_scenario(seconds: float) -> Scenario:
-    """The scenario A-G in zone 1, longer; its relays have the adaptive Kalman filter."""
+SETTINGS = {
+    "adaptive-kalman": "settings/ab-kalman.toml",
+    "kalman-bank, the default": "settings/ab-mho.toml",
+}
+
+
+def bench_scenario(seconds: float, settings: str) -> Scenario:
+    """The scenario A-G in zone 1, longer."""
     return load_scenario(
         ROOT / "scenarios" / "ag-zone1.toml",
         [
             f"scenario.duration_s={seconds}",
             f"fault.F1.after_s={seconds - 0.4}",
+            f"relay.RA.settings={settings}",
+            f"relay.RB.settings={settings}",
         ],
     )
 
@@ -42,10 +50,16 @@ def bench_scenario(seconds: float) -> Scenario:
 def main() -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    scenario = bench_scenario(SECONDS)
+    for estimator, settings in SETTINGS.items():
+        measure(estimator, settings)
+
+
+def measure(estimator: str, settings: str) -> None:
+    """Prints the ratios of some runs."""
+    scenario = bench_scenario(SECONDS, settings)
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "bench.mcap"
-        faultloop.run(bench_scenario(0.7), log=log)  # compiles
+        faultloop.run(bench_scenario(0.7, settings), log=log)  # compiles
         ratios = []
         for _ in range(RUNS):
             started = time.perf_counter()
@@ -55,7 +69,7 @@ def main() -> None:
         megabytes = log.stat().st_size / 1e6
         ratios.sort()
         print(
-            f"closed loop, {SECONDS:g} s, two relays, log of {megabytes:.0f} MB: "
+            f"closed loop, {estimator}: {SECONDS:g} s, two relays, log of {megabytes:.0f} MB: "
             f"{ratios[RUNS // 2]:.1f} x real time (from {ratios[0]:.1f} to {ratios[-1]:.1f}, {RUNS} runs)"
         )
         profile = cProfile.Profile()
