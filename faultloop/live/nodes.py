@@ -11,6 +11,7 @@ from typing import Literal
 from faultloop.busfault import BusFault
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.table import PLANT_NODE, Kind
+from faultloop.io.can.transport import check_bit_rates
 from faultloop.live.link import open_link
 from faultloop.live.process import Node, Supervision, run_node
 from faultloop.recording import check_log_path, versions
@@ -28,8 +29,12 @@ def check_pace(pace: float) -> None:
 
 
 def bus_of(scenario: Scenario, can: str | None) -> str:
-    """``INTERFACE:CHANNEL``: as asked for, or the scenario's own."""
-    return can if can is not None else f"{scenario.can.interface}:{scenario.can.channel}"
+    """``INTERFACE:CHANNEL``: as asked for, or the scenario's; InputError where its bit rate is another."""
+    bus = can if can is not None else f"{scenario.can.interface}:{scenario.can.channel}"
+    interface, _, channel = bus.partition(":")
+    if interface == "socketcan" and channel:
+        check_bit_rates(channel, scenario.can.bitrate, scenario.can.data_bitrate)
+    return bus
 
 
 def rogues(scenario: Scenario) -> list[BusFault]:

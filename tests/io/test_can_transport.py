@@ -8,6 +8,7 @@ import can
 import pytest
 
 from faultloop.errors import InputError
+from faultloop.io.can import transport
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.frames import Frame, State
 from faultloop.io.can.log import LoggedFrame, write_can_log
@@ -154,3 +155,23 @@ def test_logs_that_cannot_be_written(tmp_path):
     with pytest.raises(RuntimeError):
         write_can_log(tmp_path / "frames.blf", breaks())
     assert list(tmp_path.iterdir()) == []
+
+
+CONTROLLER = """[{"ifname":"can0","linkinfo":{"info_kind":"can","info_data":{"state":"ERROR-ACTIVE",
+"bittiming":{"bitrate":250000,"sample_point":"0.875"},"data_bittiming":{"bitrate":2000000}}}}]"""
+
+
+def test_a_controller_at_another_bit_rate(monkeypatch, tmp_path):
+    """What iproute2 prints of a controller; a virtual interface has neither a device nor a bit rate."""
+    assert transport.bit_rates(CONTROLLER) == (250_000, 2_000_000)
+    assert transport.bit_rates('[{"linkinfo":{"info_kind":"vcan"}}]') == (None, None)
+    assert transport.bit_rates("") == (None, None)
+    transport.check_bit_rates("vcan0", 500_000)
+    monkeypatch.setattr(transport, "_told_by_ip", lambda channel: CONTROLLER)
+    monkeypatch.setattr(transport, "Path", lambda *_: tmp_path)
+    (tmp_path / "can0" / "device").mkdir(parents=True)
+    transport.check_bit_rates("can0", 250_000, 2_000_000)
+    with pytest.raises(InputError, match=r"can0: runs at 250000 bit/s, and \[can\] bitrate is 500000"):
+        transport.check_bit_rates("can0", 500_000)
+    with pytest.raises(InputError, match="dbitrate 4000000"):
+        transport.check_bit_rates("can0", 250_000, 4_000_000)

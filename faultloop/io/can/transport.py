@@ -8,6 +8,8 @@ that bus is taken into the model.  So the same run gives the same times whether 
 from __future__ import annotations
 
 import errno
+import json
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -93,6 +95,8 @@ def open_transport(settings: CanSettings, channel: str | None = None, *, start_n
         interface, colon, name = channel.partition(":")
         if not (interface and colon and name):
             raise InputError(f"'{channel}' is not INTERFACE:CHANNEL, as in socketcan:vcan0", key="--can")
+    if interface == "socketcan":
+        check_bit_rates(name, settings.bitrate, settings.data_bitrate if settings.fd else None)
     bus = open_bus(interface, name, settings.bitrate, settings.fd)
     return Transport(
         SimulatedBus(settings.bitrate, settings.data_bitrate), bus, settings.fd, start_ns=start_ns
@@ -289,3 +293,42 @@ def check_socketcan(channel: str, fd: bool) -> None:
         raise InputError(
             f"the interface carries no CAN FD: ip link set {channel} mtu {CAN_FD_MTU}", key=channel
         )
+
+
+def check_bit_rates(channel: str, bitrate: int, data_bitrate: int | None = None) -> None:
+    """InputError where a SocketCAN controller runs at another bit rate: it would only disturb the bus.
+
+    A virtual interface has no bit rate.
+    """
+    if not (Path("/sys/class/net") / channel / "device").exists():
+        return
+    actual = bit_rates(_told_by_ip(channel))
+    for wanted, got, key, option in (
+        (bitrate, actual[0], "bitrate", "bitrate"),
+        (data_bitrate, actual[1], "data_bitrate", "dbitrate"),
+    ):
+        if None not in (wanted, got) and wanted != got:
+            raise InputError(
+                f"runs at {got} bit/s, and [can] {key} is {wanted}: set it to {got}, or take the"
+                f" interface down and say ip link set {channel} type can {option} {wanted}",
+                key=channel,
+            )
+
+
+def bit_rates(told: str) -> tuple[int | None, int | None]:
+    """Nominal and data bit rate in what ``ip -details -json link show`` says; None where it has none."""
+    try:
+        data = json.loads(told)[0]["linkinfo"]["info_data"]
+    except (ValueError, LookupError, TypeError):
+        return None, None
+    nominal, fast = (data.get(key, {}).get("bitrate") for key in ("bittiming", "data_bittiming"))
+    return nominal, fast
+
+
+def _told_by_ip(channel: str) -> str:
+    """The kernel tells bit rates by netlink only, and iproute2 is how one asks."""
+    command = ["ip", "-details", "-json", "link", "show", "dev", channel]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=5, check=False).stdout
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
