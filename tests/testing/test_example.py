@@ -102,3 +102,16 @@ def test_it_takes_a_breakers_place_in_a_run(example: ModuleType, root: Path) -> 
     assert trip.received_ns is not None and trip.opened_ns is not None
     assert trip.opened_ns > trip.received_ns
     assert any(e.source == "QA" and e.text == "status open, poles ABC" for e in result.events)
+
+
+def test_thirty_lines_do_it_too(faultloop_bus, root: Path) -> None:
+    spec = importlib.util.spec_from_file_location("thirty", root / "examples" / "breaker_in_30_lines.py")
+    assert spec is not None and spec.loader is not None
+    thirty = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(thirty)
+    breaker = thirty.Breaker(faultloop_bus.open(), pace=0.25)
+    faultloop_bus.serve(breaker.step)
+    run = faultloop_bus.run(root / "scenarios" / "ag-zone1.toml", pace=0.25, without=["QA"])
+    assert run.trip("RA", within_ms=30).opened_ms > 30
+    assert breaker.status.poles == 0
+    assert run.frames("BREAKER_STATUS", number=0)[-1].poles == ""
