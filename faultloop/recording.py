@@ -24,9 +24,10 @@ from faultloop.io.messages import (
 from faultloop.scenario import Scenario
 
 if TYPE_CHECKING:
+    from faultloop.io.can.frames import Frame
     from faultloop.io.mcap_writer import LogWriter
     from faultloop.io.rerun_sink import RerunSink
-    from faultloop.relay import RelaySettings
+    from faultloop.relay import RelaySettings, Trip
 
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
@@ -128,6 +129,38 @@ class Recorder:
     def event(self, topic: str, t_ns: int, level: str, text: str, name: str) -> None:
         """A line that a person reads."""
         self.message(topic, t_ns, "foxglove.Log", level=self._LEVELS[level], message=text, name=name)
+
+    def trip(self, relay: str, t_ns: int, sample_count: int, trip: Trip) -> None:
+        """A relay's decision."""
+        self.message(
+            f"/relay/{relay}/trips",
+            t_ns,
+            "Trip",
+            function=trip.function,
+            zone=trip.zone,
+            loop=trip.loop,
+            poles=trip.poles,
+            sample_count=sample_count,
+        )
+
+    def breaker(self, name: str, t_ns: int, closed: int, command: str) -> None:
+        """A breaker's closed poles, and the command it has taken, if that is what is told."""
+        poles = {f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")}
+        self.message(f"/breaker/{name}", t_ns, "BreakerStatus", command=command, **poles)
+
+    def can_frame(self, t_ns: int, frame: Frame, direction: str, sender: str) -> None:
+        """A frame that was on the bus."""
+        self.message(
+            "/can",
+            t_ns,
+            "CanFrame",
+            id=frame.id,
+            data=frame.data,
+            extended=frame.extended,
+            fd=frame.fd,
+            direction=direction,
+            sender=sender,
+        )
 
     def close(self) -> None:
         for sink in self.sinks:

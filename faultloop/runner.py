@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Protocol
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import open_transport
@@ -74,7 +75,7 @@ def run(
         streams = open_streams(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
         recorder.sinks += streams.sinks
         try:
-            with _interruptible(simulation):
+            with interruptible(simulation):
                 simulation.run(progress)
         except InputError:  # a user's element or bus: nothing half-made stays behind
             recorder.abort()
@@ -137,17 +138,23 @@ def check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
             )
 
 
+class Interruptible(Protocol):
+    """What looks at a flag now and then, and ends when it is set."""
+
+    interrupted: bool
+
+
 @contextmanager
-def _interruptible(simulation: Simulation) -> Iterator[None]:
-    """Ctrl-C and a termination signal end the run at the next block, so that the log is closed whole."""
+def interruptible(running: Interruptible) -> Iterator[None]:
+    """Ctrl-C and a termination signal end what runs in good order; a second one at once."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def stop(*_: object) -> None:
-        if simulation.interrupted:
+        if running.interrupted:
             raise KeyboardInterrupt
-        simulation.interrupted = True
+        running.interrupted = True
 
     before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:

@@ -295,21 +295,10 @@ class Simulation:
                 place.name, trip.function, trip.zone, trip.loop, trip.poles, sample_count, t_ns, place.breaker
             )
         )
-        self.recorder.message(
-            f"/relay/{place.name}/trips",
-            t_ns,
-            "Trip",
-            function=trip.function,
-            zone=trip.zone,
-            loop=trip.loop,
-            poles=trip.poles,
-            sample_count=sample_count,
-        )
+        self.recorder.trip(place.name, t_ns, sample_count, trip)
 
     def _record_breaker(self, t_ns: int, number: int, closed: int, command: str) -> None:
-        poles = {f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")}
-        name = self._breaker_names[number]
-        self.recorder.message(f"/breaker/{name}", t_ns, "BreakerStatus", command=command, **poles)
+        self.recorder.breaker(self._breaker_names[number], t_ns, closed, command)
 
     def _note_opening(self, number: int, t_ns: int, closed: int) -> None:
         for trip in self.trips:
@@ -350,17 +339,8 @@ class Simulation:
         deaf = self._deaf | self.bus.bus_off(until_ns)  # no frame is received earlier, see `_serve_bus`
         for t_ns, frame, sender in received:
             self.can_frames += 1
-            self.recorder.message(
-                "/can",
-                t_ns,
-                "CanFrame",
-                id=frame.id,
-                data=frame.data,
-                extended=frame.extended,
-                fd=frame.fd,
-                direction="tx" if sender in self._names else "rx",
-                sender=str(sender or ""),
-            )
+            direction = "tx" if sender in self._names else "rx"
+            self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
             for name, node, relay in zip(self._relay_names, self._relay_nodes, self.relays, strict=True):
                 if name not in deaf and node.receive(t_ns, frame):
                     relay.inputs = RelayInputs(node.breaker_closed, node.pilot_received)

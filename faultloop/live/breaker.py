@@ -83,10 +83,7 @@ class BreakerProcess:
                 for m in self._motions
             ]
         self._motions.append(Motion(command.t_ns + round(delay_ms * 1e6), command.operation, command.poles))
-        poles = {f"pole_{pole}": bool(self.closed >> bit & 1) for bit, pole in enumerate("abc")}
-        self._recorder.message(
-            f"/breaker/{self.name}", command.t_ns, "BreakerStatus", command=command.operation, **poles
-        )
+        self._recorder.breaker(self.name, command.t_ns, self.closed, command.operation)
         relay = self.scenario.relay[command.relay].name
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
         self._report(command.t_ns, "info", text)

@@ -105,6 +105,4 @@ class PlantProcess:
         self._recorder.event(EVENTS, t_ns, "info", text, "plant")
 
     def _record_poles(self, t_ns: int, number: int, closed: int) -> None:
-        poles = {f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")}
-        name = self.scenario.breaker[number].name
-        self._recorder.message(f"/breaker/{name}", t_ns, "BreakerStatus", command="", **poles)
+        self._recorder.breaker(self.scenario.breaker[number].name, t_ns, closed, "")

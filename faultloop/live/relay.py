@@ -16,7 +16,7 @@ from faultloop.nodes import FOREVER, relay_node
 from faultloop.pacing import Percentiles
 from faultloop.plant import Plant
 from faultloop.recording import Recorder
-from faultloop.relay import Relay, RelayInputs, Trip, load_settings
+from faultloop.relay import Relay, RelayInputs, load_settings
 from faultloop.scenario import Scenario
 
 SECOND_NS = 1_000_000_000
@@ -141,20 +141,8 @@ class RelayProcess:
             at_ns = event.sample_count * SECOND_NS // self._sampling_hz
             self._event(at_ns, event.level, event.text)
             if event.trip is not None:
-                self._record_trip(at_ns, event.sample_count, event.trip)
-
-    def _record_trip(self, at_ns: int, sample_count: int, trip: Trip) -> None:
-        self.trips += 1
-        self._recorder.message(
-            f"{self._topic}/trips",
-            at_ns,
-            "Trip",
-            function=trip.function,
-            zone=trip.zone,
-            loop=trip.loop,
-            poles=trip.poles,
-            sample_count=sample_count,
-        )
+                self.trips += 1
+                self._recorder.trip(self.name, at_ns, event.sample_count, event.trip)
 
     def done(self, t_ns: int) -> bool:
         return t_ns * self._sampling_hz >= self._total * SECOND_NS and (

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
-import signal
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -32,7 +29,7 @@ from faultloop.pacing import Pacing, Percentiles
 from faultloop.recording import Recorder, check_log_path, describe
 from faultloop.relay import load_settings
 from faultloop.result import Result
-from faultloop.runner import check_settings
+from faultloop.runner import check_settings, interruptible
 from faultloop.scenario import Scenario, load_scenario
 
 READY_WITHIN_S = 120.0
@@ -191,17 +188,7 @@ class Supervisor:
         return frames
 
     def _log(self, t_ns: int, frame: Frame) -> None:
-        self._recorder.message(
-            "/can",
-            t_ns,
-            "CanFrame",
-            id=frame.id,
-            data=frame.data,
-            extended=frame.extended,
-            fd=frame.fd,
-            direction="rx",
-            sender=self._names.get(frame.id, ""),
-        )
+        self._recorder.can_frame(t_ns, frame, "rx", self._names.get(frame.id, ""))
         if frame.id & ~0xF == Kind.BREAKER_STATUS:
             message = decode(unsealed(frame))
             if isinstance(message, State):
@@ -383,7 +370,7 @@ def run_processes(
     started = time.perf_counter()
     supervisor = Supervisor(checked, can, pace, without, path.with_name(path.name + ".nodes"), overrides)
     try:
-        with _signals(supervisor):
+        with interruptible(supervisor):
             clock = supervisor.begin()
             supervisor.run(progress)
             supervisor.finish()
@@ -409,23 +396,3 @@ def run_processes(
 def _with_reactions(pacing: Pacing, result: Result) -> Pacing:
     reactions = [trip.received_ns - trip.t_ns for trip in result.trips if trip.received_ns is not None]
     return replace(pacing, reaction=Percentiles.of(reactions, pacing.pace))
-
-
-@contextmanager
-def _signals(supervisor: Supervisor) -> Iterator[None]:
-    """Ctrl-C and a termination signal end the run, and every process of it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(*_: object) -> None:
-        if supervisor.interrupted:
-            raise KeyboardInterrupt
-        supervisor.interrupted = True
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
