@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from faultloop.config.scenario import Scenario
 from faultloop.plant import Plant
-from faultloop.scenario import Scenario
 
 RATE = 20_000
 """Steps per second: 50 us."""

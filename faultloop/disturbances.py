@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from faultloop.busfault import PLANT, STAGES, BusFault
+from faultloop.config.bus_fault import PLANT, STAGES, BusFault
 from faultloop.nodes.clock import FOREVER
 
 

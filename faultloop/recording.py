@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError
 from faultloop.io.can.dbc import DBC_PATH
 from faultloop.io.messages import (
@@ -21,7 +22,6 @@ from faultloop.io.messages import (
     array_dtype,
     values,
 )
-from faultloop.scenario import Scenario
 
 if TYPE_CHECKING:
     from faultloop.io.can.frames import Frame

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from faultloop.config.scenario import Expect, Scenario
 from faultloop.io.messages import POLES
 from faultloop.pacing import Pacing
 from faultloop.recording import MemorySink
-from faultloop.scenario import Expect, Scenario
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink

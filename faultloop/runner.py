@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
+from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import open_transport
 from faultloop.pacing import Pacing
 from faultloop.recording import MemorySink, Recorder, Sink, describe, open_streams
 from faultloop.relay import Relay, RelaySettings, load_settings
 from faultloop.result import Result, judge
-from faultloop.scenario import Scenario, load_scenario
 from faultloop.simulation import Simulation
 
 

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.busfault import BusFault
+from faultloop.config.bus_fault import BusFault
+from faultloop.config.scenario import RelayPlace, Scenario
 from faultloop.disturbances import Edge, Edges, counted, end_ns, without_effect
 from faultloop.disturbances import describe as describe_fault
 from faultloop.errors import InputError, nearest
@@ -42,7 +43,6 @@ from faultloop.plant import Plant
 from faultloop.recording import Recorder
 from faultloop.relay import Relay, RelayInputs, Trip
 from faultloop.result import EventText, FaultChange, TripReport, pole_names
-from faultloop.scenario import RelayPlace, Scenario
 
 SECOND_NS = 1_000_000_000
 BLOCK = 240

@@ -11,8 +11,8 @@ import pytest
 
 import faultloop
 from faultloop import simulation
+from faultloop.config.scenario import Scenario
 from faultloop.result import Result
-from faultloop.scenario import Scenario
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 LOSSY = SCENARIOS / "lossy-bus.toml"

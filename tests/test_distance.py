@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from faultloop.config.scenario import FAULT_TYPES, Scenario
 from faultloop.plant import Plant
 from faultloop.relay import Relay, RelaySettings
-from faultloop.scenario import FAULT_TYPES, Scenario
 from tests.examples import scenario
 
 Z1 = 6 + 40j

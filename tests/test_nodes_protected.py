@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from faultloop.config.scenario import load_scenario
 from faultloop.errors import InputError
 from faultloop.io.can.authentication import CmacSeal
 from faultloop.io.can.frames import Frame, Heartbeat, Rejection, decode
 from faultloop.io.can.table import Alarm, Kind
 from faultloop.nodes import BreakerNode, Refusals, RelayNode
 from faultloop.runner import run
-from faultloop.scenario import load_scenario
 
 MS = 1_000_000
 KEY = bytes(range(16))

@@ -8,8 +8,8 @@ from typing import Any, get_args
 
 import pytest
 
+from faultloop.config.scenario import Scenario, apply_override, load_scenario
 from faultloop.errors import InputError
-from faultloop.scenario import Scenario, apply_override, load_scenario
 from tests.examples import scenario
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.nodes import FOREVER, Command, breaker_node
 from faultloop.recording import Recorder
 from faultloop.result import pole_names
-from faultloop.scenario import Scenario
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:

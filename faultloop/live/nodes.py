@@ -8,14 +8,14 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Literal
 
-from faultloop.busfault import BusFault
+from faultloop.config.bus_fault import BusFault
+from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.io.can.transport import check_bit_rates
 from faultloop.live.link import open_link
 from faultloop.live.process import Node, Supervision, run_node
 from faultloop.recording import check_log_path, versions
-from faultloop.scenario import Scenario, load_scenario
 
 Role = Literal["plant", "relay", "breaker", "rogue"]
 ROGUES = ("babbling", "forging")

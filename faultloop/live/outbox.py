@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from heapq import heappop, heappush
 
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.faults import SenderFaults
 from faultloop.io.can.frames import Frame
 from faultloop.live.link import Link
 from faultloop.nodes.clock import FOREVER
-from faultloop.scenario import Scenario
 
 
 class Outbox:

@@ -6,13 +6,13 @@ from dataclasses import asdict
 from math import gcd
 from typing import Any
 
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.nodes.plant import SECOND_NS, PlantNode
 from faultloop.pacing import Deadlines, Percentiles
 from faultloop.recording import Recorder
-from faultloop.scenario import Scenario
 
 EVENTS = "/plant/events"
 LATE_NS = SECOND_NS // 10

@@ -18,6 +18,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
 
+from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, decode
 from faultloop.io.can.table import PLANT_NODE, TICK_NS
@@ -25,7 +26,6 @@ from faultloop.live.clock import SECOND_NS, RunClock
 from faultloop.live.link import Link
 from faultloop.live.outbox import Outbox
 from faultloop.recording import Recorder
-from faultloop.scenario import Scenario
 
 LONGEST_WAIT_S = 0.1
 """A node looks at least so often whether it shall end."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
@@ -17,7 +18,6 @@ from faultloop.pacing import Percentiles
 from faultloop.plant import Plant
 from faultloop.recording import Recorder
 from faultloop.relay import Relay, RelayInputs, load_settings
-from faultloop.scenario import Scenario
 
 SECOND_NS = 1_000_000_000
 SILENT_NS = 20_000_000

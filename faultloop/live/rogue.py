@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.live.clock import RunClock
 from faultloop.nodes.rogue import ForgingNode, Rogue, rogue_nodes
 from faultloop.recording import Recorder
-from faultloop.scenario import Scenario
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.disturbances import Edges, end_ns
 from faultloop.disturbances import describe as describe_fault
 from faultloop.errors import InputError, nearest
@@ -30,7 +31,6 @@ from faultloop.recording import Recorder, check_log_path, describe
 from faultloop.relay import load_settings
 from faultloop.result import Result
 from faultloop.runner import check_settings, interruptible
-from faultloop.scenario import Scenario, load_scenario
 
 READY_WITHIN_S = 120.0
 """The first run of a version compiles, in every process."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.authentication import PLAIN, Seal
 from faultloop.io.can.frames import Frame, Rejection, State, decode
 from faultloop.io.can.goose import Repetition, Subscriber
 from faultloop.io.can.table import Kind
 from faultloop.nodes.refusals import Refusals, Report
-from faultloop.scenario import Scenario
 
 
 class Movement(NamedTuple):

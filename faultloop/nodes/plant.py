@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from faultloop.config.scenario import Fault, Scenario
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, ticks
 from faultloop.io.can.table import OPERATIONAL, PLANT_NODE
 from faultloop.nodes.clock import Cyclic
@@ -11,7 +12,6 @@ from faultloop.nodes.follower import with_followed_breakers
 from faultloop.nodes.refusals import Report
 from faultloop.nodes.roster import breaker_follower
 from faultloop.plant import Plant
-from faultloop.scenario import Fault, Scenario
 
 SECOND_NS = 1_000_000_000
 AT_ONCE = 64

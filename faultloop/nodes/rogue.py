@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from random import Random
 
-from faultloop.busfault import BusFault
+from faultloop.config.bus_fault import BusFault
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
 from faultloop.io.can.frames import Frame, State, ticks
 from faultloop.io.can.table import Kind
 from faultloop.nodes.clock import FOREVER
-from faultloop.scenario import Scenario
 
 POLES = {"A": 1, "B": 2, "C": 4, "AB": 3, "BC": 6, "CA": 5, "ABC": 7}
 HEARD = 64

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from faultloop.config.scenario import Scenario
 from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
 from faultloop.io.can.keys import load_keys
 from faultloop.io.can.table import Kind
@@ -9,7 +10,6 @@ from faultloop.nodes.breaker import BreakerNode
 from faultloop.nodes.follower import BreakerFollower
 from faultloop.nodes.refusals import Report, unheard
 from faultloop.nodes.relay import RelayNode
-from faultloop.scenario import Scenario
 
 
 def seal(scenario: Scenario, start_ns: int = 0) -> Seal:

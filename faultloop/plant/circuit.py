@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from faultloop.config.scenario import Fault, Line, Scenario, Source
 from faultloop.errors import InputError
 from faultloop.plant.lines import PI_SECTION_KM, LineConstants, Pair, Wave, bergeron_sections
-from faultloop.scenario import Fault, Line, Scenario, Source
 
 GROUND = ":ground"
 SAME_POINT = 1e-9

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.scenario import FrontEnd, Scenario
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.scenario import FrontEnd, Scenario
 
 SECTIONS = 2
 """Second-order sections of the longest low-pass."""

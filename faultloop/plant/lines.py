@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.scenario import Line
+from faultloop.config.scenario import Line
 
 Pair = NDArray[np.float64]
 """``[mode 0, mode 1]``."""

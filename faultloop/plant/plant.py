@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError, nearest
 from faultloop.plant import kernel
 from faultloop.plant.circuit import Circuit
@@ -19,7 +20,6 @@ from faultloop.plant.network import Model, renew_switch_currents
 from faultloop.plant.probe import Probe
 from faultloop.plant.steady import ROTATION, Steady, fill, steady_states
 from faultloop.plant.timing import FaultTime, fault_times
-from faultloop.scenario import Scenario
 
 NS = 1_000_000_000
 POLE_BITS = np.array([1, 2, 4])

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.scenario import Fault
 from faultloop.errors import InputError
 from faultloop.plant.network import Model
 from faultloop.plant.steady import ROTATION, Steady, voltage
-from faultloop.scenario import Fault
 
 TINY = 1e-9
 

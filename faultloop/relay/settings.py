@@ -14,8 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field, PrivateAttr, model_validator
 
-from faultloop.errors import InputError, nearest
-from faultloop.tables import (
+from faultloop.config.tables import (
     ComplexOhm,
     Milliseconds,
     Number,
@@ -24,6 +23,7 @@ from faultloop.tables import (
     read_toml,
     validate,
 )
+from faultloop.errors import InputError, nearest
 
 MAX_ZONES = 16
 MAX_ELEMENTS = 8

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Self
 
 import pytest
 
+from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError
 from faultloop.io.can.transport import open_bus
 from faultloop.runner import run
-from faultloop.scenario import Scenario, load_scenario
 from faultloop.testing.run import Start, TestRun
 
 if TYPE_CHECKING:

@@ -10,14 +10,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from faultloop.config.scenario import Expect, Scenario
+from faultloop.config.tables import validate
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.frames import Frame, Message, Rejection, State
 from faultloop.io.can.monitor import read
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import open_log
 from faultloop.result import Result, TripReport, Verdict, judge, pole_names
-from faultloop.scenario import Expect, Scenario
-from faultloop.tables import validate
 
 Progress = Callable[[float], None]
 Start = Callable[[Progress], Result]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from faultloop.busfault import BusFault
+from faultloop.config.bus_fault import BusFault
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.confinement import Controller, StateChange
 from faultloop.io.can.faults import WireErrors

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import faultloop
+from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, SampledValues, decode
 from faultloop.io.mcap_writer import LogWriter
@@ -25,7 +26,6 @@ from faultloop.nodes import FOREVER
 from faultloop.nodes.plant import PlantNode
 from faultloop.pacing import Deadlines, Percentiles
 from faultloop.recording import MemorySink, Recorder
-from faultloop.scenario import Scenario
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 HZ, CYCLE = 4800, 96

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from faultloop.config.scenario import Scenario
 from faultloop.plant import Change, Plant
-from faultloop.scenario import Scenario
 from tests.plant.record import now_ns
 from tests.plant.reference import build
 

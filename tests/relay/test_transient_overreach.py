@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from faultloop.config.scenario import Scenario
 from faultloop.plant import Plant
 from faultloop.relay import Relay, RelaySettings
-from faultloop.scenario import Scenario
 
 Z1, Z0 = (6.0, 40.0), (24.0, 120.0)
 WARM = 4800

@@ -13,9 +13,9 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 
+from faultloop.config.tables import read_toml
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import KEY_BYTES
-from faultloop.tables import read_toml
 
 
 def load_keys(path: Path, senders: Iterable[str]) -> dict[str, bytes]:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.scenario import Scenario
 from faultloop.plant import Plant
-from faultloop.scenario import Scenario
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.busfault import BusFault
+from faultloop.config.bus_fault import BusFault
 from faultloop.io.can.bus import SECOND_NS, SimulatedBus
 from faultloop.io.can.goose import Repetition
 from faultloop.nodes import FOREVER, BreakerNode, RelayNode

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from faultloop.busfault import BusFault
+from faultloop.config.bus_fault import BusFault
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.faults import SenderFaults
 from faultloop.io.can.goose import Repetition

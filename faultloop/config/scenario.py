@@ -11,10 +11,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PrivateAttr, model_validator
 
-from faultloop.busfault import BusFault
-from faultloop.busfault import check_references as check_bus_faults
-from faultloop.errors import InputError, nearest
-from faultloop.tables import (
+from faultloop.config.bus_fault import BusFault
+from faultloop.config.bus_fault import check_references as check_bus_faults
+from faultloop.config.tables import (
     ComplexOhm,
     Milliseconds,
     Name,
@@ -26,6 +25,7 @@ from faultloop.tables import (
     read_toml,
     validate,
 )
+from faultloop.errors import InputError, nearest
 
 FAULT_TYPES = ("AG", "BG", "CG", "AB", "BC", "CA", "ABG", "BCG", "CAG", "ABC", "ABCG")
 LOOPS = ("AG", "BG", "CG", "AB", "BC", "CA", "ABC")

@@ -7,8 +7,8 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
 
+from faultloop.config.tables import Milliseconds, Name, Seconds, Table
 from faultloop.errors import InputError, nearest
-from faultloop.tables import Milliseconds, Name, Seconds, Table
 
 PLANT = "plant"
 """The plant's name as a sender."""
