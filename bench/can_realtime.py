@@ -28,7 +28,7 @@ import numpy as np
 from faultloop.io.can.table import Kind
 from faultloop.io.mcap_reader import open_log
 from faultloop.live.supervisor import run_processes
-from faultloop.result import Result
+from faultloop.loop.result import Result
 
 PROBE_WALL_S = 8.0  # of each pace that is tried
 LATE_MS = 1000.0

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from faultloop.config.scenario import Scenario, load_scenario
     from faultloop.errors import InputError
     from faultloop.io.mcap_reader import Log, open_log
+    from faultloop.loop.replay import replay
+    from faultloop.loop.result import Result
+    from faultloop.loop.runner import run
     from faultloop.relay.settings import RelaySettings, load_settings
-    from faultloop.result import Result
-    from faultloop.runner import run
-    from faultloop.study.replay import replay
 
 # Loaded on first use: numba and numpy take most of a second, and `faultloop --help` needs neither.
 _PLACES = {
@@ -26,11 +26,11 @@ _PLACES = {
     "open_log": "faultloop.io.mcap_reader",
     "RelaySettings": "faultloop.relay.settings",
     "load_settings": "faultloop.relay.settings",
-    "Result": "faultloop.result",
+    "Result": "faultloop.loop.result",
     "Scenario": "faultloop.config.scenario",
     "load_scenario": "faultloop.config.scenario",
-    "run": "faultloop.runner",
-    "replay": "faultloop.study.replay",
+    "run": "faultloop.loop.runner",
+    "replay": "faultloop.loop.replay",
 }
 
 __all__ = [

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 import faultloop
-from faultloop import simulation
 from faultloop.config.scenario import Scenario
-from faultloop.result import Result
+from faultloop.loop import simulation
+from faultloop.loop.result import Result
 
 SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
 LOSSY = SCENARIOS / "lossy-bus.toml"

@@ -11,8 +11,8 @@ from faultloop.errors import InputError
 from faultloop.io.can.authentication import CmacSeal
 from faultloop.io.can.frames import Frame, Heartbeat, Rejection, decode
 from faultloop.io.can.table import Alarm, Kind
+from faultloop.loop.runner import run
 from faultloop.nodes import BreakerNode, Refusals, RelayNode
-from faultloop.runner import run
 
 MS = 1_000_000
 KEY = bytes(range(16))

@@ -31,7 +31,7 @@ def command(
     """Play a recorded fault into a relay, as a test set does."""
     from faultloop.cli.output import announce_compilation, print_json, serve
     from faultloop.cli.report import print_replay
-    from faultloop.study.replay import replay
+    from faultloop.loop.replay import replay
 
     announce_compilation()
     path = log if log is not None else Path("logs") / f"{record.stem}-replay.mcap"

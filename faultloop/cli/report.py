@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from faultloop.cli.output import console, table
-from faultloop.result import Result, delay_ms, pole_names
+from faultloop.loop.result import Result, delay_ms, pole_names
 
 if TYPE_CHECKING:  # it brings scipy.signal and pandas, 2 s that a run has no use for
-    from faultloop.study.replay import ReplayResult
+    from faultloop.loop.replay import ReplayResult
 
 
 def result_as_dict(result: Result) -> dict[str, Any]:

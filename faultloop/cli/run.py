@@ -60,7 +60,7 @@ def command(
                 progress=progress,
             )
         else:
-            from faultloop.runner import run
+            from faultloop.loop.runner import run
 
             result = run(
                 scenario,

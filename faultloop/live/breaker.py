@@ -9,9 +9,9 @@ from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
+from faultloop.loop.recording import Recorder
+from faultloop.loop.result import pole_names
 from faultloop.nodes import FOREVER, Command, breaker_node
-from faultloop.recording import Recorder
-from faultloop.result import pole_names
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:

@@ -12,7 +12,7 @@ from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import CHUNK_NS, LogWriter
 from faultloop.io.messages import SAMPLED, message_of, values
 from faultloop.io.recover import recover_log
-from faultloop.recording import Attachments, Metadata
+from faultloop.loop.recording import Attachments, Metadata
 
 SLICE_NS = CHUNK_NS
 

@@ -15,7 +15,7 @@ from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.io.can.transport import check_bit_rates
 from faultloop.live.link import open_link
 from faultloop.live.process import Node, Supervision, run_node
-from faultloop.recording import check_log_path, versions
+from faultloop.loop.recording import check_log_path, versions
 
 Role = Literal["plant", "relay", "breaker", "rogue"]
 ROGUES = ("babbling", "forging")

@@ -9,7 +9,7 @@ from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.table import Kind
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.messages import LEVELS
-from faultloop.result import EventText, FaultChange, Result, TripReport, judge
+from faultloop.loop.result import EventText, FaultChange, Result, TripReport, judge
 
 
 def read_trips(log: Log, scenario: Scenario) -> list[TripReport]:

@@ -10,9 +10,9 @@ from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
+from faultloop.loop.pacing import Deadlines, Percentiles
+from faultloop.loop.recording import Recorder
 from faultloop.nodes.plant import SECOND_NS, PlantNode
-from faultloop.pacing import Deadlines, Percentiles
-from faultloop.recording import Recorder
 
 EVENTS = "/plant/events"
 LATE_NS = SECOND_NS // 10

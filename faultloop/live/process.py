@@ -25,7 +25,7 @@ from faultloop.io.can.table import PLANT_NODE, TICK_NS
 from faultloop.live.clock import SECOND_NS, RunClock
 from faultloop.live.link import Link
 from faultloop.live.outbox import Outbox
-from faultloop.recording import Recorder
+from faultloop.loop.recording import Recorder
 
 LONGEST_WAIT_S = 0.1
 """A node looks at least so often whether it shall end."""

@@ -13,10 +13,10 @@ from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.live.stream import SampleStream, quantised
+from faultloop.loop.pacing import Percentiles
+from faultloop.loop.recording import Recorder
 from faultloop.nodes import FOREVER, relay_node
-from faultloop.pacing import Percentiles
 from faultloop.plant import Plant
-from faultloop.recording import Recorder
 from faultloop.relay import Relay, RelayInputs, load_settings
 
 SECOND_NS = 1_000_000_000

@@ -7,8 +7,8 @@ from typing import Any
 from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.live.clock import RunClock
+from faultloop.loop.recording import Recorder
 from faultloop.nodes.rogue import ForgingNode, Rogue, rogue_nodes
-from faultloop.recording import Recorder
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:

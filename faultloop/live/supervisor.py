@@ -11,8 +11,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from faultloop.config.scenario import Scenario, load_scenario
-from faultloop.disturbances import Edges, end_ns
-from faultloop.disturbances import describe as describe_fault
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.frames import Frame, Rejection, State, decode
@@ -24,13 +22,15 @@ from faultloop.live.link import Link, open_link
 from faultloop.live.merge import merge
 from faultloop.live.nodes import ROGUES, NodeOptions, Role, bus_of, check_pace
 from faultloop.live.outcome import read_result
+from faultloop.loop.bus_faults import Edges, end_ns
+from faultloop.loop.bus_faults import describe as describe_fault
+from faultloop.loop.pacing import Pacing, Percentiles
+from faultloop.loop.recording import Recorder, check_log_path, describe
+from faultloop.loop.result import Result
+from faultloop.loop.runner import check_settings, interruptible
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.refusals import Refusals
-from faultloop.pacing import Pacing, Percentiles
-from faultloop.recording import Recorder, check_log_path, describe
 from faultloop.relay import load_settings
-from faultloop.result import Result
-from faultloop.runner import check_settings, interruptible
 
 READY_WITHIN_S = 120.0
 """The first run of a version compiles, in every process."""

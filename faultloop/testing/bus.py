@@ -17,7 +17,7 @@ import pytest
 from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError
 from faultloop.io.can.transport import open_bus
-from faultloop.runner import run
+from faultloop.loop.runner import run
 from faultloop.testing.run import Start, TestRun
 
 if TYPE_CHECKING:

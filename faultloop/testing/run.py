@@ -17,7 +17,7 @@ from faultloop.io.can.frames import Frame, Message, Rejection, State
 from faultloop.io.can.monitor import read
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import open_log
-from faultloop.result import Result, TripReport, Verdict, judge, pole_names
+from faultloop.loop.result import Result, TripReport, Verdict, judge, pole_names
 
 Progress = Callable[[float], None]
 Start = Callable[[Progress], Result]

@@ -20,7 +20,7 @@ from faultloop.io.mcap_reader import Log
 from faultloop.live.merge import merge
 from faultloop.live.outcome import read_result
 from faultloop.live.supervisor import Supervisor, run_processes
-from faultloop.result import Result
+from faultloop.loop.result import Result
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CAN = "socketcan:vcan0"

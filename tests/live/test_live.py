@@ -22,10 +22,10 @@ from faultloop.live.plant import PlantProcess
 from faultloop.live.relay import RelayProcess
 from faultloop.live.stream import SampleStream, quantised
 from faultloop.live.supervisor import run_processes
+from faultloop.loop.pacing import Deadlines, Percentiles
+from faultloop.loop.recording import MemorySink, Recorder
 from faultloop.nodes import FOREVER
 from faultloop.nodes.plant import PlantNode
-from faultloop.pacing import Deadlines, Percentiles
-from faultloop.recording import MemorySink, Recorder
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 HZ, CYCLE = 4800, 96

@@ -11,7 +11,7 @@ import pytest
 import faultloop
 from faultloop.cli import call
 from faultloop.errors import InputError
-from faultloop.study.replay import replay
+from faultloop.loop.replay import replay
 
 SETTINGS = Path(__file__).resolve().parents[2] / "scenarios" / "settings"
 AG = Path(__file__).resolve().parents[2] / "scenarios" / "ag-zone1.toml"

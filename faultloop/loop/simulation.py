@@ -16,14 +16,17 @@ import numpy as np
 
 from faultloop.config.bus_fault import BusFault
 from faultloop.config.scenario import RelayPlace, Scenario
-from faultloop.disturbances import Edge, Edges, counted, end_ns, without_effect
-from faultloop.disturbances import describe as describe_fault
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.senders import Senders
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport
+from faultloop.loop.bus_faults import Edge, Edges, counted, end_ns, without_effect
+from faultloop.loop.bus_faults import describe as describe_fault
+from faultloop.loop.pacing import Deadlines
+from faultloop.loop.recording import Recorder
+from faultloop.loop.result import EventText, FaultChange, TripReport, pole_names
 from faultloop.nodes import (
     FOREVER,
     BreakerFollower,
@@ -38,11 +41,8 @@ from faultloop.nodes import (
     with_followed_breakers,
 )
 from faultloop.nodes.rogue import rogue_nodes
-from faultloop.pacing import Deadlines
 from faultloop.plant import Plant
-from faultloop.recording import Recorder
 from faultloop.relay import Relay, RelayInputs, Trip
-from faultloop.result import EventText, FaultChange, TripReport, pole_names
 
 SECOND_NS = 1_000_000_000
 BLOCK = 240

@@ -14,11 +14,11 @@ from typing import Protocol
 from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import open_transport
-from faultloop.pacing import Pacing
-from faultloop.recording import MemorySink, Recorder, Sink, describe, open_streams
+from faultloop.loop.pacing import Pacing
+from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_streams
+from faultloop.loop.result import Result, judge
+from faultloop.loop.simulation import Simulation
 from faultloop.relay import Relay, RelaySettings, load_settings
-from faultloop.result import Result, judge
-from faultloop.simulation import Simulation
 
 
 def run(

@@ -10,8 +10,8 @@ import numpy as np
 
 from faultloop.config.scenario import Expect, Scenario
 from faultloop.io.messages import POLES
-from faultloop.pacing import Pacing
-from faultloop.recording import MemorySink
+from faultloop.loop.pacing import Pacing
+from faultloop.loop.recording import MemorySink
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink

@@ -15,9 +15,9 @@ from faultloop.io.comtrade.record import Record
 from faultloop.io.comtrade.resample import resample
 from faultloop.io.comtrade.select import SLOTS, select_channels
 from faultloop.io.mcap_reader import open_log
-from faultloop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
+from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
+from faultloop.loop.result import EventText, pole_names
 from faultloop.relay import Relay, RelaySettings, load_settings
-from faultloop.result import EventText, pole_names
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink

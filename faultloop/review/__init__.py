@@ -1,0 +1,1 @@
+"""Reading a run: what happened, as tables, text, picture and page."""
