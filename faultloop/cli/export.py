@@ -35,7 +35,7 @@ def command(
     opened = open_log(log)
     written: list[Path] = []
     if comtrade is not None:
-        from faultloop.study.export import log_to_comtrade
+        from faultloop.review.export import log_to_comtrade
 
         written += log_to_comtrade(opened, comtrade, relay=relay, revision=revision, format=format)
     if parquet is not None or csv is not None:
@@ -44,7 +44,7 @@ def command(
         written += write_parquet(opened, parquet) if parquet is not None else []
         written += write_csv(opened, csv) if csv is not None else []
     if can is not None:
-        from faultloop.study.export import log_to_can
+        from faultloop.review.export import log_to_can
 
         written += log_to_can(opened, can)
     if json:

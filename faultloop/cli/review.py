@@ -20,19 +20,19 @@ def command(
     """What happened in a log: a summary, and plots where asked for."""
     from faultloop.cli.output import console, print_json, serve
     from faultloop.io.mcap_reader import open_log
-    from faultloop.study.review import summarize
-    from faultloop.study.review_tables import print_review
+    from faultloop.review.summary import summarize
+    from faultloop.review.text import print_review
 
     opened = open_log(log)
     summary = summarize(opened)
     written = []
     if png is not None:
-        from faultloop.study.plot import write_png
+        from faultloop.review.plot import write_png
 
         write_png(opened, summary, png)
         written.append(png)
     if html is not None:
-        from faultloop.study.page import write_html
+        from faultloop.review.page import write_html
 
         write_html(opened, summary, html)
         written.append(html)

@@ -20,7 +20,7 @@ def command(
 ) -> int:
     """Run a study and hold its figures against their limits.  Exit status 3 where one is missed."""
     from faultloop.cli.output import announce_compilation, console, print_json, progress_bar, table
-    from faultloop.study.output_file import write_aside
+    from faultloop.io.output_file import write_aside
     from faultloop.study.report import cell, check_table, write_page
     from faultloop.study.suites import run_suite
 

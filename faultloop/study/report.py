@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from faultloop.study.output_file import write_aside
+from faultloop.io.output_file import write_aside
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from faultloop.cli import call
 from faultloop.errors import InputError
 from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
-from faultloop.study import page
-from faultloop.study.output_file import write_aside
-from faultloop.study.plot import draw, shown_relays, write_png
-from faultloop.study.relay_rows import relay_rows
-from faultloop.study.review import summarize
-from faultloop.study.review_view import relay_view, thinned, window_ms
+from faultloop.io.output_file import write_aside
+from faultloop.review import page
+from faultloop.review.plot import draw, shown_relays, write_png
+from faultloop.review.rows import relay_rows
+from faultloop.review.summary import summarize
+from faultloop.review.view import relay_view, thinned, window_ms
 from tests.study.review_logs import BITS, FAULT_NS, OPENED_NS, RECEIVED_NS, START_NS, rows, write_log
 
 

@@ -16,9 +16,9 @@ from faultloop.cli import call
 from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.recover import recover_log
-from faultloop.study.relay_rows import relay_rows, spans_of
-from faultloop.study.review import line_impedance, summarize
-from faultloop.study.review_tables import print_review
+from faultloop.review.rows import relay_rows, spans_of
+from faultloop.review.summary import line_impedance, summarize
+from faultloop.review.text import print_review
 from tests.study.review_logs import (
     BEFORE,
     BITS,

@@ -10,7 +10,7 @@ import numpy as np
 
 from faultloop.io.mcap_reader import Entry, Log
 from faultloop.io.messages import CHANNELS, LOOPS, POLES
-from faultloop.study.relay_rows import RelayRows, faulted_loop, last_before, steadiest
+from faultloop.review.rows import RelayRows, faulted_loop, last_before, steadiest
 
 Summary = dict[str, Any]
 

@@ -16,7 +16,7 @@ import numpy as np
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import FAULT_STATE, LEVELS
-from faultloop.study.relay_review import (
+from faultloop.review.relay_summary import (
     after_ms,
     closed_poles,
     measured,
@@ -24,7 +24,7 @@ from faultloop.study.relay_review import (
     relay_warnings,
     trip_report,
 )
-from faultloop.study.relay_rows import RelayRows, change_before, relay_rows
+from faultloop.review.rows import RelayRows, change_before, relay_rows
 
 Summary = dict[str, Any]
 

@@ -16,11 +16,11 @@ from plotly.subplots import make_subplots
 
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import CHANNELS, LOOPS
-from faultloop.study.output_file import write_aside
-from faultloop.study.relay_rows import relay_rows
-from faultloop.study.review import line_impedance
-from faultloop.study.review_tables import Rows, can_text, headline, tables
-from faultloop.study.review_view import (
+from faultloop.io.output_file import write_aside
+from faultloop.review.rows import relay_rows
+from faultloop.review.summary import line_impedance
+from faultloop.review.text import Rows, can_text, headline, tables
+from faultloop.review.view import (
     KIND_COLOURS,
     LOOP_COLOURS,
     PHASE_COLOURS,

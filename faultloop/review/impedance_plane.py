@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from faultloop.io.messages import LOOPS
-from faultloop.study.review_view import LOOP_COLOURS, RelayView, Zones, extent_ohm, locus_ms, zone_shapes
+from faultloop.review.view import LOOP_COLOURS, RelayView, Zones, extent_ohm, locus_ms, zone_shapes
 
 Summary = dict[str, Any]
 

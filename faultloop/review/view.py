@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.study.relay_rows import RelayRows
+from faultloop.review.rows import RelayRows
 
 Summary = dict[str, Any]
 Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]

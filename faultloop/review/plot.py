@@ -15,12 +15,12 @@ from matplotlib.patches import Patch
 
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import POLES
-from faultloop.study.impedance_plane import impedance_plane
-from faultloop.study.output_file import write_aside
-from faultloop.study.relay_rows import relay_rows
-from faultloop.study.review import line_impedance
-from faultloop.study.review_tables import fault_text
-from faultloop.study.review_view import (
+from faultloop.io.output_file import write_aside
+from faultloop.review.impedance_plane import impedance_plane
+from faultloop.review.rows import relay_rows
+from faultloop.review.summary import line_impedance
+from faultloop.review.text import fault_text
+from faultloop.review.view import (
     KIND_COLOURS,
     KIND_NAMES,
     PHASE_COLOURS,
