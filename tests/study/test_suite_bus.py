@@ -5,8 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from faultloop.study.can_response import Errors, Message, first_response_ns, longest_bits, response_ns
-from faultloop.study.suites import bus_babbling, bus_loss, bus_response, run_suite
+from faultloop.study.suites import run_suite
+from faultloop.study.suites.bus import babbling as bus_babbling
+from faultloop.study.suites.bus import loss as bus_loss
+from faultloop.study.suites.bus import response as bus_response
+from faultloop.study.suites.bus.response_times import (
+    Errors,
+    Message,
+    first_response_ns,
+    longest_bits,
+    response_ns,
+)
 
 US = 1_000
 

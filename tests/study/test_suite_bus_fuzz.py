@@ -10,8 +10,8 @@ from faultloop.io.can.frames import Frame, Rejection, State, decode
 from faultloop.io.can.goose import Subscriber
 from faultloop.io.can.table import Kind
 from faultloop.study.suites import run_suite
-from faultloop.study.suites.bus_fuzz import ATTACKS, CONFIGURATIONS, fuzz
-from faultloop.study.suites.bus_residual import undetected, undetected_bursts
+from faultloop.study.suites.bus.fuzz import ATTACKS, CONFIGURATIONS, fuzz
+from faultloop.study.suites.bus.residual import undetected, undetected_bursts
 
 
 @pytest.mark.parametrize("name", list(CONFIGURATIONS))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from faultloop.relay.estimators import make_estimator
-from faultloop.study.suites import estimator_cases as cases
 from faultloop.study.suites import estimators as suite
 from faultloop.study.suites import run_suite
+from faultloop.study.suites.estimators import cases
 
 
 def test_the_current_is_continuous_and_ends_as_the_true_phasor() -> None:

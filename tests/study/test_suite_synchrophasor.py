@@ -7,9 +7,9 @@ import pytest
 
 from faultloop.relay.estimators import FREQUENCY, ROCOF, make_estimator, run_estimator
 from faultloop.study.suites import run_suite
-from faultloop.study.synchrophasor_measure import Errors, errors, outside, step_response, subject
-from faultloop.study.synchrophasor_signals import CURRENT, Tone, modulated, ramp, steady, step
-from faultloop.study.synchrophasor_tests import M, P, class_tests
+from faultloop.study.suites.synchrophasor.classes import M, P, class_tests
+from faultloop.study.suites.synchrophasor.measure import Errors, errors, outside, step_response, subject
+from faultloop.study.suites.synchrophasor.signals import CURRENT, Tone, modulated, ramp, steady, step
 
 WAVES = {
     "steady": steady(60.0, -1.7, 0.8),

@@ -18,7 +18,7 @@ from faultloop.relay.estimators import FREQUENCY, ROCOF, ROW, make_estimator, ru
 from faultloop.study.papers import taylor_kalman_figures as figures
 from faultloop.study.papers.taylor_kalman_written import written_filter
 from faultloop.study.report import Check, Report, Table
-from faultloop.study.synchrophasor_signals import Array, Wave, constant
+from faultloop.study.suites.synchrophasor.signals import Array, Wave, constant
 
 NOMINAL_HZ = 50.0
 VOLTS = 220.0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.relay.estimators import FREQUENCY, ROCOF
-from faultloop.study.synchrophasor_signals import Array, Wave
+from faultloop.study.suites.synchrophasor.signals import Array, Wave
 
 QUANTITIES = ("RMS [V]", "phase [deg]", "frequency [Hz]", "ROCOF [Hz/s]")
 COLOURS = ("#1f6fb2", "#d98c1f", "#2a9d5c", "#8a4fb0", "#b23a48")

@@ -12,8 +12,14 @@ from faultloop.io.can.bus import SECOND_NS, SimulatedBus
 from faultloop.io.can.confinement import ErrorSource
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.length import INTERMISSION, wire_length
-from faultloop.study.can_response import ERROR_BITS, Errors, Message, first_response_ns, response_ns
 from faultloop.study.report import Check, Report, Table
+from faultloop.study.suites.bus.response_times import (
+    ERROR_BITS,
+    Errors,
+    Message,
+    first_response_ns,
+    response_ns,
+)
 
 MS = 1_000_000
 SETS = {False: 300, True: 20}

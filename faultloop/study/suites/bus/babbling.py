@@ -17,8 +17,8 @@ from faultloop.io.can.goose import Repetition
 from faultloop.nodes import FOREVER, BreakerNode, RelayNode
 from faultloop.nodes.refusals import unheard
 from faultloop.nodes.rogue import BabblingNode
-from faultloop.study.can_response import Message, longest_bits, response_ns
 from faultloop.study.report import Check, Report, Table
+from faultloop.study.suites.bus.response_times import Message, longest_bits, response_ns
 
 MS = 1_000_000
 BITRATE = 500_000

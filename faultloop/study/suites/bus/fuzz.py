@@ -12,7 +12,7 @@ from faultloop.io.can.frames import Frame, Heartbeat, Rejection, SampledValues, 
 from faultloop.io.can.table import OPERATIONAL, Kind
 from faultloop.nodes import BreakerNode, Command, RelayNode
 from faultloop.study.report import Check, Report, Table
-from faultloop.study.suites.bus_residual import residual_checks, residual_table
+from faultloop.study.suites.bus.residual import residual_checks, residual_table
 
 MS = 1_000_000
 SPACING_NS = 100_000

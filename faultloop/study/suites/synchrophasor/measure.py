@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from faultloop.relay.estimators import FREQUENCY, ROCOF, ROW, Estimator, make_estimator, run_estimator
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
-from faultloop.study.synchrophasor_signals import TURNS, Array, Wave
+from faultloop.study.suites.synchrophasor.signals import TURNS, Array, Wave
 
 SAMPLING_HZ = 4800
 SNAPSHOTS = 16  # per cycle, at which a relay evaluates the frequency that its estimator does not give

@@ -9,10 +9,10 @@ from typing import Any
 from faultloop.study.report import Report
 
 PARTS = {
-    "fuzz": "bus_fuzz",
-    "loss": "bus_loss",
-    "babbling": "bus_babbling",
-    "response-times": "bus_response",
+    "fuzz": "fuzz",
+    "loss": "loss",
+    "babbling": "babbling",
+    "response-times": "response",
 }
 
 
@@ -20,7 +20,7 @@ def run(parts: Sequence[str], *, quick: bool, progress: Callable[[float], Any]) 
     """One report for each part; each module has ``report(quick) -> Report``."""
     reports = []
     for place, part in enumerate(parts):
-        module = import_module(f"faultloop.study.suites.{PARTS[part]}")
+        module = import_module(f"faultloop.study.suites.bus.{PARTS[part]}")
         reports.append(module.report(quick))
         progress((place + 1) / len(parts))
     return reports

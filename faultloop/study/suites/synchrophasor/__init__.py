@@ -7,9 +7,9 @@ from typing import Any
 
 from faultloop.relay.estimators import estimator_methods
 from faultloop.study.report import Check, Report, Table, cell
-from faultloop.study.synchrophasor_figures import figures
-from faultloop.study.synchrophasor_measure import SAMPLING_HZ, Subject, subject
-from faultloop.study.synchrophasor_tests import CLASSES, Outcome, PerformanceClass, class_tests
+from faultloop.study.suites.synchrophasor.classes import CLASSES, Outcome, PerformanceClass, class_tests
+from faultloop.study.suites.synchrophasor.figures import figures
+from faultloop.study.suites.synchrophasor.measure import SAMPLING_HZ, Subject, subject
 
 PARTS = {"p-50": ("p", 50.0), "p-60": ("p", 60.0), "m-50": ("m", 50.0), "m-60": ("m", 60.0)}
 

@@ -11,7 +11,7 @@ import numpy as np
 from faultloop.errors import InputError
 from faultloop.relay.estimators import ROW, Estimator, estimator_methods, make_estimator, run_estimator
 from faultloop.study.report import Check, Report, Table
-from faultloop.study.suites.estimator_cases import (
+from faultloop.study.suites.estimators.cases import (
     AFTER_S,
     BETWEEN,
     NOMINAL_HZ,

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.study.synchrophasor_measure import Errors, Subject, errors
-from faultloop.study.synchrophasor_signals import Tone, steady, step
-from faultloop.study.synchrophasor_tests import WATCHED_S, PerformanceClass
+from faultloop.study.suites.synchrophasor.classes import WATCHED_S, PerformanceClass
+from faultloop.study.suites.synchrophasor.measure import Errors, Subject, errors
+from faultloop.study.suites.synchrophasor.signals import Tone, steady, step
 
 FLOOR = 1e-6  # of the logarithmic axes
 DOTTED: dict[str, Any] = {"line": {"dash": "dot", "width": 1.5, "color": "#666666"}, "opacity": 1.0}

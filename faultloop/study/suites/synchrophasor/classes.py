@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from faultloop.study.synchrophasor_measure import SAMPLING_HZ, Errors, Subject, errors, step_response
-from faultloop.study.synchrophasor_signals import Tone, Wave, modulated, ramp, steady, step
+from faultloop.study.suites.synchrophasor.measure import SAMPLING_HZ, Errors, Subject, errors, step_response
+from faultloop.study.suites.synchrophasor.signals import Tone, Wave, modulated, ramp, steady, step
 
 NONE = math.nan
 Triple = tuple[float, float, float]
