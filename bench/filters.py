@@ -24,7 +24,6 @@ from filterpy.kalman import (
 )
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.filters import cubature
 from faultloop.relay.estimators.filters import harmonic_model as model
 from faultloop.relay.estimators.filters.kalman import (
     correct,
@@ -32,7 +31,8 @@ from faultloop.relay.estimators.filters.kalman import (
     predict_covariance,
     predict_state,
 )
-from faultloop.study.papers.mstukf_cases import TRACKS, Setting, noisy, track
+from faultloop.study.papers.ckmc import cubature
+from faultloop.study.papers.mstukf.cases import TRACKS, Setting, noisy, track
 
 LEAST_RATIO = 20.0
 COUNT = 20_000

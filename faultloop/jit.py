@@ -2,8 +2,8 @@
 
 numba's file cache keys on the file that holds a function, so a caller keeps the stale machine code of a
 callee that changed in another file (numba issue 1833).  The cache directory is therefore keyed by a digest
-of the kernel-bearing sources of the subpackage (``plant`` and ``relay`` share no code, so each has a digest
-of its own): any change gives a fresh cache, an unchanged subpackage a warm one.
+of the kernel-bearing sources that a kernel may call: ``plant`` and ``relay`` share no code, so each has a
+digest of its own; every other subpackage may call any kernel, so its digest covers the whole package.
 ``fastmath`` stays off: a trip decision must be the same bits everywhere.
 """
 
@@ -23,13 +23,16 @@ from numba.core import config as numba_config
 
 config: Any = numba_config
 PACKAGE = Path(__file__).parent
+CLOSED = ("plant", "relay")
+"""Subpackages whose kernels call only each other."""
 
 
 @cache
 def source_digest(area: str) -> str:
-    """Hex digest of the sources under ``faultloop/<area>`` that hold kernels, and of this file."""
+    """Hex digest of the kernel-bearing sources that kernels of ``faultloop/<area>`` may call, and of this file."""
     digest = hashlib.sha256(Path(__file__).read_bytes())
-    for path in sorted((PACKAGE / area).rglob("*.py")):
+    covered = PACKAGE / area if area in CLOSED else PACKAGE
+    for path in sorted(covered.rglob("*.py")):
         source = path.read_bytes()
         if b"njit" in source:
             digest.update(path.relative_to(PACKAGE).as_posix().encode())
@@ -48,7 +51,7 @@ def cache_root() -> Path:
 
 def is_warm() -> bool:
     """Whether the kernels of this version have been compiled on this machine before."""
-    return all((cache_root() / f"{area}-{source_digest(area)}").is_dir() for area in ("plant", "relay"))
+    return all((cache_root() / f"{area}-{source_digest(area)}").is_dir() for area in CLOSED)
 
 
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:

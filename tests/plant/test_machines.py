@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from faultloop.errors import InputError
-from faultloop.plant.machines import (
+from faultloop.study.papers.ckmc.machines import (
     Exciter,
     LineFault,
     System,
@@ -21,8 +21,8 @@ from faultloop.plant.machines import (
     steady_state,
     with_damping,
 )
-from faultloop.plant.machines.network import admittance, without_line
-from faultloop.plant.machines.swing import derivatives, prepare
+from faultloop.study.papers.ckmc.machines.network import admittance, without_line
+from faultloop.study.papers.ckmc.machines.swing import derivatives, prepare
 
 FAULT = LineFault((16, 21), 0.4, 0.1, 0.2)
 EXCITER = Exciter(gain=20.0)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from faultloop.errors import InputError
-from faultloop.plant.machines import read_system
 from faultloop.study.papers import ckmc
-from faultloop.study.papers.ckmc_cases import (
+from faultloop.study.papers.ckmc.cases import (
     CKF,
     GOOD,
     ORACLE,
@@ -24,6 +23,7 @@ from faultloop.study.papers.ckmc_cases import (
     plan,
     predicted,
 )
+from faultloop.study.papers.ckmc.machines import read_system
 from faultloop.study.report import Report
 
 

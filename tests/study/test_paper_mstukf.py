@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from faultloop.study.papers import mstukf
-from faultloop.study.papers import mstukf_cases as cases
+from faultloop.study.papers.mstukf import cases
 from faultloop.study.report import check_table
 from faultloop.study.suites import run_suite
 

@@ -7,8 +7,8 @@ import pytest
 from filterpy.kalman import KalmanFilter
 
 from faultloop.study.papers import adaptive_kalman, rls
-from faultloop.study.papers import adaptive_kalman_filter as kf
-from faultloop.study.papers import adaptive_kalman_line as line
+from faultloop.study.papers.adaptive_kalman import filter as kf
+from faultloop.study.papers.adaptive_kalman import line
 from faultloop.study.report import Report
 
 

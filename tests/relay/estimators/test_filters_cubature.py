@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.relay.estimators.filters import cubature
-from faultloop.relay.estimators.filters.cubature import (
+from faultloop.study.papers.ckmc import cubature
+from faultloop.study.papers.ckmc.cubature import (
     Cubature,
     Series,
     as_model,

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.relay.estimators import FREQUENCY, ROCOF, ROW, make_estimator, run_estimator
-from faultloop.study.papers import taylor_kalman_figures as figures
-from faultloop.study.papers.taylor_kalman_written import written_filter
+from faultloop.study.papers.taylor_kalman import figures
+from faultloop.study.papers.taylor_kalman.as_written import written_filter
 from faultloop.study.report import Check, Report, Table
 from faultloop.study.suites.synchrophasor.signals import Array, Wave, constant
 

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.plant.machines.data import System
-from faultloop.plant.machines.machine import (
+from faultloop.study.papers.ckmc.machines.data import System
+from faultloop.study.papers.ckmc.machines.machine import (
     DELTA,
     ED,
     EQ,
@@ -40,7 +40,7 @@ from faultloop.plant.machines.machine import (
     derivative,
     terminal_voltage,
 )
-from faultloop.plant.machines.network import LineFault, admittance, reduced, reduced_impedances
+from faultloop.study.papers.ckmc.machines.network import LineFault, admittance, reduced, reduced_impedances
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

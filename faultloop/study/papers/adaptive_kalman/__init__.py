@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.relay.estimators import ROW, make_estimator, run_estimator
-from faultloop.study.papers import adaptive_kalman_filter as kf
-from faultloop.study.papers.adaptive_kalman_line import (
+from faultloop.study.papers.adaptive_kalman import filter as kf
+from faultloop.study.papers.adaptive_kalman.line import (
     CASES,
     F0,
     PER_CYCLE,

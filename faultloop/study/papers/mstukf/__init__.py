@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.study.papers import mstukf_figures as figures
-from faultloop.study.papers.mstukf_cases import (
+from faultloop.study.papers.mstukf import figures
+from faultloop.study.papers.mstukf.cases import (
     ANYTHING_CHANGES,
     FUNDAMENTAL_CHANGES,
     HARMONICS_CHANGE,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError
-from faultloop.plant.machines.data import System
+from faultloop.study.papers.ckmc.machines.data import System
 
 Complex = NDArray[np.complex128]
 

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from faultloop.plant.machines import LineFault, System, read_system, simulate, steady_state
-from faultloop.plant.machines.swing import derivatives, prepare
-from faultloop.study.papers import ckmc_figures as figures
-from faultloop.study.papers.ckmc_cases import (
+from faultloop.study.papers.ckmc import figures
+from faultloop.study.papers.ckmc.cases import (
     BAD,
     CKF,
     DAMPING_PER_S,
@@ -41,6 +39,8 @@ from faultloop.study.papers.ckmc_cases import (
     monte_carlo,
     plan,
 )
+from faultloop.study.papers.ckmc.machines import LineFault, System, read_system, simulate, steady_state
+from faultloop.study.papers.ckmc.machines.swing import derivatives, prepare
 from faultloop.study.report import Check, Report, Table
 
 RUNS, QUICK_RUNS = 200, 4

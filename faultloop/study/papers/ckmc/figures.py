@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.study.papers.ckmc_cases import Errors, Plan
+from faultloop.study.papers.ckmc.cases import Errors, Plan
 
 STATES = ("delta [rad]", "omega - w0 [rad/s]", "eq [pu]", "ed [pu]")
 COLOURS = ("#888888", "#d98c1f", "#1f6fb2")

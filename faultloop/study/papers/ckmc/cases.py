@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.plant.machines import (
+from faultloop.study.papers.ckmc import cubature
+from faultloop.study.papers.ckmc.machines import (
     Exciter,
     LineFault,
     Swing,
@@ -26,7 +27,6 @@ from faultloop.plant.machines import (
     simulate,
     with_damping,
 )
-from faultloop.relay.estimators.filters import cubature
 
 Array = NDArray[np.float64]
 Noise = Callable[[np.random.Generator, tuple[int, int]], tuple[Array, Array]]

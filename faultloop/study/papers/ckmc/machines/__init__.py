@@ -1,8 +1,8 @@
 """Electromechanical swings: synchronous machines on a network that has no dynamics of its own."""
 
-from faultloop.plant.machines.data import System, read_system, with_damping
-from faultloop.plant.machines.network import LineFault, reduced_impedances
-from faultloop.plant.machines.swing import Exciter, SteadyState, Swing, simulate, steady_state
+from faultloop.study.papers.ckmc.machines.data import System, read_system, with_damping
+from faultloop.study.papers.ckmc.machines.network import LineFault, reduced_impedances
+from faultloop.study.papers.ckmc.machines.swing import Exciter, SteadyState, Swing, simulate, steady_state
 
 __all__ = [
     "Exciter",

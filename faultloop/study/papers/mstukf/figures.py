@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.study.papers.mstukf_cases import (
+from faultloop.study.papers.mstukf.cases import (
     FADING,
     ORDERS,
     PHASE,

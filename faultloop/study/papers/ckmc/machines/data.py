@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError
-from faultloop.plant.machines import machine
+from faultloop.study.papers.ckmc.machines import machine
 
 Array = NDArray[np.float64]
 
