@@ -29,7 +29,7 @@ CLOSED = ("plant", "relay")
 
 @cache
 def source_digest(area: str) -> str:
-    """Hex digest of the kernel-bearing sources that kernels of ``faultloop/<area>`` may call, and of this file."""
+    """Hex digest of the sources whose kernels those of ``faultloop/<area>`` may call, and of this file."""
     digest = hashlib.sha256(Path(__file__).read_bytes())
     covered = PACKAGE / area if area in CLOSED else PACKAGE
     for path in sorted(covered.rglob("*.py")):

@@ -19,7 +19,7 @@ from faultloop.loop import simulation
 from faultloop.loop.result import Result
 from tests.examples import scenario
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.toml"))
 AG = ROOT / "scenarios" / "ag-zone1.toml"
 

@@ -16,7 +16,7 @@ from faultloop.io.can.goose import Publisher, Subscriber
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import open_bus, to_message
 
-AG = Path(__file__).resolve().parents[1] / "scenarios" / "ag-zone1.toml"
+AG = Path(__file__).resolve().parents[2] / "scenarios" / "ag-zone1.toml"
 START_NS = load_scenario(AG).scenario.start_ns
 MS = 1_000_000
 

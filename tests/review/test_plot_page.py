@@ -19,7 +19,7 @@ from faultloop.review.plot import draw, shown_relays, write_png
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
 from faultloop.review.view import relay_view, thinned, window_ms
-from tests.study.review_logs import BITS, FAULT_NS, OPENED_NS, RECEIVED_NS, START_NS, rows, write_log
+from tests.review.review_logs import BITS, FAULT_NS, OPENED_NS, RECEIVED_NS, START_NS, rows, write_log
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from faultloop.io.recover import recover_log
 from faultloop.review.rows import relay_rows, spans_of
 from faultloop.review.summary import line_impedance, summarize
 from faultloop.review.text import print_review
-from tests.study.review_logs import (
+from tests.review.review_logs import (
     BEFORE,
     BITS,
     DECIDED,

@@ -14,7 +14,7 @@ from faultloop.config.scenario import Scenario
 from faultloop.loop import simulation
 from faultloop.loop.result import Result
 
-SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 LOSSY = SCENARIOS / "lossy-bus.toml"
 MS = 1_000_000
 AG = tomllib.loads((SCENARIOS / "ag-zone1.toml").read_text(encoding="utf-8"))
