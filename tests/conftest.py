@@ -33,3 +33,7 @@ def records() -> Path:
     if not path.is_dir():
         pytest.skip("needs-shared: no fault records; set FAULTLOOP_RECORDS to their folder")
     return path
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--renew-golden", action="store_true", help="write tests/golden/*.json anew")
