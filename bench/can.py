@@ -31,7 +31,6 @@ from typing import Any
 import numpy as np
 
 import faultloop
-from faultloop.config.scenario import load_scenario
 from faultloop.errors import InputError
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.dbc import database
@@ -40,6 +39,7 @@ from faultloop.io.can.goose import Publisher, Subscriber
 from faultloop.io.can.length import wire_length
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport, from_message, open_bus, to_message
+from faultloop.loop.scenario import load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 AG = ROOT / "scenarios" / "ag-zone1.toml"

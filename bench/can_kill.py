@@ -29,13 +29,13 @@ sys.path[0] = str(ROOT)  # and not this folder, whose can.py is not python-can
 
 import numpy as np
 
-from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.io.can.frames import Frame, Measurements, Page, State, decode
 from faultloop.io.can.table import PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_reader import open_log
 from faultloop.live.merge import merge
 from faultloop.live.outcome import read_result
 from faultloop.live.supervisor import PLANT, Supervisor
+from faultloop.loop.scenario import Scenario, load_scenario
 
 SETTLED_S = 1.5
 """Of run time between the last trial and the fault."""

@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 import faultloop
-from faultloop.config.scenario import Scenario, load_scenario
+from faultloop.loop.scenario import Scenario, load_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 SECONDS = 10.0

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.config.scenario import Scenario
+from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
 
 RATE = 20_000

@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from faultloop.config.scenario import Scenario, load_scenario
     from faultloop.errors import InputError
     from faultloop.io.mcap_reader import Log, open_log
     from faultloop.loop.replay import replay
     from faultloop.loop.result import Result
     from faultloop.loop.runner import run
+    from faultloop.loop.scenario import Scenario, load_scenario
     from faultloop.relay.settings import RelaySettings, load_settings
 
 # Loaded on first use: numba and numpy take most of a second, and `faultloop --help` needs neither.
@@ -27,8 +27,8 @@ _PLACES = {
     "RelaySettings": "faultloop.relay.settings",
     "load_settings": "faultloop.relay.settings",
     "Result": "faultloop.loop.result",
-    "Scenario": "faultloop.config.scenario",
-    "load_scenario": "faultloop.config.scenario",
+    "Scenario": "faultloop.loop.scenario",
+    "load_scenario": "faultloop.loop.scenario",
     "run": "faultloop.loop.runner",
     "replay": "faultloop.loop.replay",
 }

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from faultloop.cli import call
-from faultloop.config.scenario import Scenario
+from faultloop.loop.scenario import Scenario
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.loop.recording import Recorder
 from faultloop.loop.result import pole_names
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes import FOREVER, Command, breaker_node
 
 

@@ -7,7 +7,7 @@ import time
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
-from faultloop.config.scenario import Scenario
+from faultloop.loop.scenario import Scenario
 
 SECOND_NS = 1_000_000_000
 MICROSECOND_NS = 1_000

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from heapq import heappop, heappush
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.faults import SenderFaults
 from faultloop.io.can.frames import Frame
 from faultloop.live.link import Link
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes.clock import FOREVER
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.table import Kind
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.messages import LEVELS
 from faultloop.loop.result import EventText, FaultChange, Result, TripReport, judge
+from faultloop.loop.scenario import Scenario
 
 
 def read_trips(log: Log, scenario: Scenario) -> list[TripReport]:

@@ -6,12 +6,12 @@ from dataclasses import asdict
 from math import gcd
 from typing import Any
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.loop.pacing import Deadlines, Percentiles
 from faultloop.loop.recording import Recorder
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes.plant import SECOND_NS, PlantNode
 
 EVENTS = "/plant/events"

@@ -18,7 +18,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, Protocol
 
-from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, decode
 from faultloop.io.can.table import PLANT_NODE, TICK_NS
@@ -26,6 +25,7 @@ from faultloop.live.clock import SECOND_NS, RunClock
 from faultloop.live.link import Link
 from faultloop.live.outbox import Outbox
 from faultloop.loop.recording import Recorder
+from faultloop.loop.scenario import Scenario
 
 LONGEST_WAIT_S = 0.1
 """A node looks at least so often whether it shall end."""

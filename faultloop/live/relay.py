@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.live.stream import SampleStream, quantised
 from faultloop.loop.pacing import Percentiles
 from faultloop.loop.recording import Recorder
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes import FOREVER, relay_node
 from faultloop.plant import Plant
 from faultloop.relay import Relay, RelayInputs, load_settings

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.frames import Frame
 from faultloop.live.clock import RunClock
 from faultloop.loop.recording import Recorder
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes.rogue import ForgingNode, Rogue, rogue_nodes
 
 

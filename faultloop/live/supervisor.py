@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.frames import Frame, Rejection, State, decode
@@ -28,6 +27,7 @@ from faultloop.loop.pacing import Pacing, Percentiles
 from faultloop.loop.recording import Recorder, check_log_path, describe
 from faultloop.loop.result import Result
 from faultloop.loop.runner import check_settings, interruptible
+from faultloop.loop.scenario import AnyScenario, Scenario, load_scenario
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.refusals import Refusals
 from faultloop.relay import load_settings
@@ -361,7 +361,7 @@ def run_processes(
     ------
     InputError : something in the scenario, the bus or the arguments is wrong.
     """
-    checked = load_scenario(scenario, overrides) if not isinstance(scenario, Scenario) else scenario
+    checked = load_scenario(scenario, overrides) if not isinstance(scenario, AnyScenario) else scenario
     check_pace(pace)
     settings = {place.name: load_settings(checked.settings_path(place)) for place in checked.relay}
     check_settings(checked, settings)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError
 from faultloop.io.can.dbc import DBC_PATH
 from faultloop.io.messages import (
@@ -22,6 +21,7 @@ from faultloop.io.messages import (
     array_dtype,
     values,
 )
+from faultloop.loop.scenario import Scenario
 
 if TYPE_CHECKING:
     from faultloop.io.can.frames import Frame

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from faultloop.config.scenario import Expect, Scenario
+from faultloop.config.expect import Expect
 from faultloop.io.messages import POLES
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink
+from faultloop.loop.scenario import Scenario
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink

@@ -11,12 +11,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import open_transport
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_streams
 from faultloop.loop.result import Result, judge
+from faultloop.loop.scenario import AnyScenario, Scenario, load_scenario
 from faultloop.loop.simulation import Simulation
 from faultloop.relay import Relay, RelaySettings, load_settings
 
@@ -54,7 +54,7 @@ def run(
     ------
     InputError : something in the scenario, the settings or the arguments is wrong; nothing has been written.
     """
-    if not isinstance(scenario, Scenario):
+    if not isinstance(scenario, AnyScenario):
         scenario = load_scenario(scenario, overrides)
     elif overrides:
         raise InputError("overrides need the scenario's file, not a Scenario", key="overrides")

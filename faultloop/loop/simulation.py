@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from faultloop.config.bus_fault import BusFault
-from faultloop.config.scenario import RelayPlace, Scenario
+from faultloop.config.place import RelayPlace
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import unsealed
 from faultloop.io.can.frames import Frame, State, decode
@@ -27,6 +27,7 @@ from faultloop.loop.bus_faults import describe as describe_fault
 from faultloop.loop.pacing import Deadlines
 from faultloop.loop.recording import Recorder
 from faultloop.loop.result import EventText, FaultChange, TripReport, pole_names
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes import (
     FOREVER,
     BreakerFollower,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.authentication import PLAIN, Seal
 from faultloop.io.can.frames import Frame, Rejection, State, decode
 from faultloop.io.can.goose import Repetition, Subscriber
 from faultloop.io.can.table import Kind
 from faultloop.nodes.refusals import Refusals, Report
+from faultloop.nodes.tables import BusTables
 
 
 class Movement(NamedTuple):
@@ -66,7 +66,7 @@ class BreakerFollower:
         return [movement for movement in both if movement.poles]
 
 
-def with_followed_breakers(scenario: Scenario, names: frozenset[str]) -> Scenario:
+def with_followed_breakers(scenario: BusTables, names: frozenset[str]) -> BusTables:
     """The scenario for the plant: a followed breaker has its own delay, and the plant adds none.
 
     Its pole opens at the first current zero after the status that says so, and closes at once.

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from faultloop.config.scenario import Fault, Scenario
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, ticks
 from faultloop.io.can.table import OPERATIONAL, PLANT_NODE
 from faultloop.nodes.clock import Cyclic
 from faultloop.nodes.follower import with_followed_breakers
 from faultloop.nodes.refusals import Report
 from faultloop.nodes.roster import breaker_follower
+from faultloop.nodes.tables import BusTables
 from faultloop.plant import Plant
+from faultloop.plant.breaker import Breaker
+from faultloop.plant.fault import Fault
 
 SECOND_NS = 1_000_000_000
 AT_ONCE = 64
@@ -33,13 +35,13 @@ class PlantNode:
     changed : told of every pole and fault that changed.
     """
 
-    def __init__(self, scenario: Scenario, first_sample: int, report: Report, changed: Changed) -> None:
+    def __init__(self, scenario: BusTables, first_sample: int, report: Report, changed: Changed) -> None:
         sampling_hz = scenario.system.sampling_hz
         if first_sample * scenario.system.frequency_hz % sampling_hz:
             raise ValueError(f"sample {first_sample} is not at a whole cycle")
         begins_ns = first_sample * SECOND_NS // sampling_hz
         followed = with_followed_breakers(scenario, frozenset(b.name for b in scenario.breaker))
-        self.plant = Plant(_going_on(followed, begins_ns))
+        self.plant = Plant(followed.beginning_at(begins_ns / 1e9) if begins_ns else followed)
         _rehearse(self.plant)
         self.sampling_hz = sampling_hz
         self.total = -(-round(scenario.scenario.duration_s * 1e9) * sampling_hz // SECOND_NS)
@@ -49,12 +51,12 @@ class PlantNode:
         self._relays = range(len(scenario.relay))
         self._changed = changed
         numbers = {fault.name: i for i, fault in enumerate(scenario.fault)}
-        self._fault_numbers = [numbers[fault.name] for fault in self.plant.scenario.fault]
+        self._fault_numbers = [numbers[fault.name] for fault in self.plant.tables.all(Fault)]
         self._report = report
         self.attend(scenario, begins_ns)
         self._heartbeat = Cyclic.since(begins_ns, 1 / scenario.can.heartbeat_s)
 
-    def attend(self, scenario: Scenario, start_ns: int) -> None:
+    def attend(self, scenario: BusTables, start_ns: int) -> None:
         """Follow the breakers from run time `start_ns` on; the seal is that of `scenario`."""
         self.followers = [
             breaker_follower(scenario, i, self.plant.closed(name), self._report, start_ns=start_ns)
@@ -110,41 +112,9 @@ def _rehearse(plant: Plant) -> None:
     """Load every kernel that a fault or an opening needs: numba loads one when it is first called, in up to
     100 ms, for which the samples of a real fault would have to wait."""
     state = plant.save()
-    for breaker in plant.scenario.breaker:
+    for breaker in plant.tables.all(Breaker):
         plant.command(breaker.name, "open", 7, 0)
     left = plant.sampling_hz // 25  # two cycles: every pole has its current zero
     while left > 0:
         left -= plant.advance(left)
     plant.restore(state)
-
-
-def _going_on(scenario: Scenario, begins_ns: int) -> Scenario:
-    """The scenario from `begins_ns` on: angles as they are then, what is past left out.
-
-    A fault that is on begins with the new run; the transient of its beginning is not there.
-    """
-    if begins_ns == 0:
-        return scenario
-    begins_s = begins_ns / 1e9
-    sources = [
-        source.model_copy(
-            update={
-                "angle_deg": source.angle_deg
-                + 360.0 * (((source.frequency_hz or scenario.system.frequency_hz) * begins_s) % 1.0)
-            }
-        )
-        for source in scenario.source
-    ]
-    faults = [later for fault in scenario.fault if (later := _later(fault, begins_s)) is not None]
-    return scenario.model_copy(update={"source": tuple(sources), "fault": tuple(faults)})
-
-
-def _later(fault: Fault, by_s: float) -> Fault | None:
-    key = "after_s" if fault.start_s is None else "start_s"
-    start_s = getattr(fault, key) - by_s
-    if start_s >= 0:
-        return fault.model_copy(update={key: start_s})
-    duration_s = None if fault.duration_s is None else fault.duration_s + start_s
-    if duration_s is not None and duration_s <= 0:
-        return None
-    return fault.model_copy(update={"start_s": 0.0, "angle_deg": None, "duration_s": duration_s})

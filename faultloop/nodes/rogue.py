@@ -5,11 +5,11 @@ from __future__ import annotations
 from random import Random
 
 from faultloop.config.bus_fault import BusFault
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
 from faultloop.io.can.frames import Frame, State, ticks
 from faultloop.io.can.table import Kind
 from faultloop.nodes.clock import FOREVER
+from faultloop.nodes.tables import BusTables
 
 POLES = {"A": 1, "B": 2, "C": 4, "AB": 3, "BC": 6, "CA": 5, "ABC": 7}
 HEARD = 64
@@ -91,7 +91,7 @@ class ForgingNode(Rogue):
         return State(kind, self.identifier & 0xF, poles, 1, number % 256, number % 15, ticks(t_ns))
 
 
-def rogue_nodes(scenario: Scenario) -> list[Rogue]:
+def rogue_nodes(scenario: BusTables) -> list[Rogue]:
     """The babbling and the forging nodes of a scenario."""
     seed = scenario.scenario.seed
     nodes: list[Rogue] = []
@@ -104,7 +104,7 @@ def rogue_nodes(scenario: Scenario) -> list[Rogue]:
     return nodes
 
 
-def _forger(scenario: Scenario, fault: BusFault, stream: str) -> ForgingNode:
+def _forger(scenario: BusTables, fault: BusFault, stream: str) -> ForgingNode:
     assert fault.message is not None
     kind = Kind[fault.message.upper()]
     places = scenario.breaker if kind is Kind.BREAKER_STATUS else scenario.relay

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from faultloop.config.scenario import Scenario
 from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
 from faultloop.io.can.keys import load_keys
 from faultloop.io.can.table import Kind
@@ -10,9 +9,10 @@ from faultloop.nodes.breaker import BreakerNode
 from faultloop.nodes.follower import BreakerFollower
 from faultloop.nodes.refusals import Report, unheard
 from faultloop.nodes.relay import RelayNode
+from faultloop.nodes.tables import BusTables
 
 
-def seal(scenario: Scenario, start_ns: int = 0) -> Seal:
+def seal(scenario: BusTables, start_ns: int = 0) -> Seal:
     """The seal of a node that starts at run time `start_ns` [ns]; each node needs one of its own.
 
     Raises InputError where the key file cannot be used.
@@ -31,7 +31,7 @@ def seal(scenario: Scenario, start_ns: int = 0) -> Seal:
     return CmacSeal(by_identifier, scenario.scenario.start_ns, start_ns)
 
 
-def relay_node(scenario: Scenario, number: int, report: Report = unheard, *, start_ns: int = 0) -> RelayNode:
+def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, start_ns: int = 0) -> RelayNode:
     """The node of relay `number`: its partners are the relays at the line's other end.
 
     A node that restarts within a run has `start_ns`, the run time of that [ns].
@@ -56,7 +56,7 @@ def relay_node(scenario: Scenario, number: int, report: Report = unheard, *, sta
 
 
 def breaker_node(
-    scenario: Scenario, number: int, closed: int, report: Report, *, start_ns: int = 0
+    scenario: BusTables, number: int, closed: int, report: Report, *, start_ns: int = 0
 ) -> BreakerNode:
     """The node of breaker `number`: every relay that names the breaker may command it."""
     name = scenario.breaker[number].name
@@ -74,7 +74,7 @@ def breaker_node(
 
 
 def breaker_follower(
-    scenario: Scenario, number: int, closed: int, report: Report, *, start_ns: int = 0
+    scenario: BusTables, number: int, closed: int, report: Report, *, start_ns: int = 0
 ) -> BreakerFollower:
     """What the plant hears of breaker `number`."""
     return BreakerFollower(

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.config.scenario import FrontEnd, Scenario
+from faultloop.config.place import FrontEnd
 from faultloop.errors import InputError
 from faultloop.jit import njit
+from faultloop.plant.component import PlantTables
 
 SECTIONS = 2
 """Second-order sections of the longest low-pass."""
@@ -44,29 +45,29 @@ class FrontEnds(NamedTuple):
 
 
 def front_ends(
-    scenario: Scenario,
+    tables: PlantTables,
     bus: Sequence[int],
     terms: Sequence[Sequence[tuple[int, float]]],
     rate: float,
 ) -> FrontEnds:
     """Their constants.  ``bus`` and ``terms`` (row, sign) say where relay i measures; ``rate`` in steps/s."""
-    count = len(scenario.relay)
-    settings = [relay.front_end or scenario.front_end for relay in scenario.relay]
+    count = len(tables.relay)
+    settings = [relay.front_end or tables.front_end for relay in tables.relay]
     lowpass = np.zeros((count, SECTIONS, 5))
     for i, s in enumerate(settings):
         if s.antialias_hz:
-            rows = _butterworth(s, rate, f"relay[{scenario.relay[i].name}].front_end.antialias_hz")
+            rows = _butterworth(s, rate, f"relay[{tables.relay[i].name}].front_end.antialias_hz")
             lowpass[i, : len(rows)] = rows
     sections = [s.antialias_order // 2 if s.antialias_hz else 0 for s in settings]
     flat = [term for relay in terms for term in relay]
-    rated_peak = scenario.system.base_kv * 1e3 * math.sqrt(2 / 3)
+    rated_peak = tables.system.base_kv * 1e3 * math.sqrt(2 / 3)
     noise = [[s.voltage_noise_v] * 3 + [s.current_noise_a] * 3 for s in settings]
     codes = [2.0 ** (s.adc_bits - 1) if s.adc_bits else 0.0 for s in settings]
     scale = [
         [s.voltage_full_scale_v or 2 * rated_peak] * 3 + [s.current_full_scale_a or 0.0] * 3 for s in settings
     ]
     lsb = [[x / n if n else 0.0 for x in row] for row, n in zip(scale, codes, strict=True)]
-    seeds = np.random.SeedSequence(scenario.scenario.seed).generate_state(max(count, 1), np.uint64)[:count]
+    seeds = np.random.SeedSequence(tables.scenario.seed).generate_state(max(count, 1), np.uint64)[:count]
     return FrontEnds(
         bus=np.array(bus, dtype=np.int64),
         pointer=np.cumsum([0, *(len(t) for t in terms)]).astype(np.int64),

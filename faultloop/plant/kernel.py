@@ -16,27 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.plant.elements import (
-    Floats,
-    Ints,
-    Network,
-    State,
-    branch_currents,
-    branch_histories,
-    branch_step,
-    exact_emf,
-    inject,
-    renew_emf,
+from faultloop.plant.arrays import Network, State
+from faultloop.plant.elements import Floats, Ints
+from faultloop.plant.elements.bergeron import (
+    wave_currents,
+    wave_histories,
+    wave_histories_at,
+    wave_inject,
+    wave_push,
 )
+from faultloop.plant.elements.branch import branch_currents, branch_histories, branch_inject, branch_step
+from faultloop.plant.elements.emf import exact_emf, renew_emf
+from faultloop.plant.elements.switch import crossings, switch_currents, waiting
 from faultloop.plant.factor import Factor, solve
 from faultloop.plant.frontend import FrontEnds, convert, lowpass, measure
-from faultloop.plant.waves import wave_currents, wave_histories, wave_histories_at, wave_inject, wave_push
 
 STEP, PER_SAMPLE, STOP, ROW, PENDING = range(5)
 """Of the clock: step number; steps per sample; step to stop at; row of the next sample; 1 while the present
 step has not been delivered to the front ends."""
-NO_CURRENT = 1e-6
-"""A pole with less than this carries nothing but rounding, and opens at once [A]."""
 
 
 class Watch(NamedTuple):
@@ -61,9 +58,9 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
     clock = watch.clock
     if clock[PENDING]:
         arrive(net, factor, state, watch, front, samples)
-    armed = waiting(watch)
+    armed = waiting(watch.armed)
     if armed:
-        switch_currents(net, factor, state)
+        switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
     while clock[STEP] < clock[STOP]:
         if armed:
             copy(state.v, state.old_v)
@@ -71,17 +68,17 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
             watch.instant[0] = 0.0
         clock[STEP] += 1
         clock[PENDING] = 1
-        renew_emf(net, state, clock[STEP])
-        wave_histories(net, state, clock[STEP])
-        inject(net, state)
-        wave_inject(net, state)
+        renew_emf(net.emf, state.emf, state.v, clock[STEP])
+        wave_histories(net.wave, state.ring, state.arriving, clock[STEP])
+        branch_inject(net.branch, state.history, state.v, net.emf.wave.shape[0])
+        wave_inject(net.wave, state.arriving, state.v)
         solve(net.structure, factor, state.v)
-        branch_step(net, state)
-        wave_currents(net, state)
-        wave_push(net, state, clock[STEP])
+        branch_step(net.branch, state.history, state.v, state.branch_current)
+        wave_currents(net.wave, state.arriving, state.v, state.wave_current)
+        wave_push(net.wave, state.ring, state.v, state.wave_current, clock[STEP])
         if armed:
-            switch_currents(net, factor, state)
-            if crossings(net, state, watch):
+            switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
+            if crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero):
                 return True
         # asked here and not in the function: a call passes a hundred array fields and takes 60 ns
         if front.filtered[0] or clock[STEP] % clock[PER_SAMPLE] == 0:
@@ -106,22 +103,23 @@ def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     for half in (0.5, 1.0):
         copy(state.v, state.half_v)
         copy(state.current, state.half_current)
-        branch_histories(net, state, net.euler)
-        exact_emf(net, state, step + (instant + half))
-        wave_histories_at(net, state, step + (instant + half), step + int(watch.instant[1]))
-        inject(net, state)
-        wave_inject(net, state)
+        branch_histories(net.branch.bus, net.branch.euler, state.history, state.v, state.branch_current)
+        now, newest = step + (instant + half), step + int(watch.instant[1])
+        exact_emf(net.emf, state.v, now)
+        wave_histories_at(net.wave, state.ring, state.arriving, now, newest)
+        branch_inject(net.branch, state.history, state.v, net.emf.wave.shape[0])
+        wave_inject(net.wave, state.arriving, state.v)
         solve(net.structure, factor, state.v)
-        branch_currents(net, state)
-        wave_currents(net, state)
+        branch_currents(net.branch, state.history, state.v, state.branch_current)
+        wave_currents(net.wave, state.arriving, state.v, state.wave_current)
     between(state.half_v, state.v, 1.0 - 2.0 * instant)
     between(state.half_current, state.current, 1.0 - 2.0 * instant)
     watch.clock[STEP] = step + 1
     watch.clock[PENDING] = 1
-    branch_histories(net, state, net.trapezoid)
-    wave_push(net, state, step + 1)
-    switch_currents(net, factor, state)
-    return crossings(net, state, watch)
+    branch_histories(net.branch.bus, net.branch.trapezoid, state.history, state.v, state.branch_current)
+    wave_push(net.wave, state.ring, state.v, state.wave_current, step + 1)
+    switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
+    return crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero)
 
 
 @njit
@@ -159,49 +157,10 @@ def arrive(
     """At the end of a step: the analog front ends, and a sample where one is due."""
     clock = watch.clock
     clock[PENDING] = 0
-    switch_currents(net, factor, state)
+    switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
     measure(front, state.v, state.current, state.measured)
     if front.filtered[0]:
         lowpass(front, state.lowpass, state.measured)
     if clock[STEP] % clock[PER_SAMPLE] == 0:
         convert(front, clock[STEP] // clock[PER_SAMPLE], state.measured, samples[clock[ROW]])
         clock[ROW] += 1
-
-
-@njit
-def switch_currents(net: Network, factor: Factor, state: State) -> None:
-    """Through every pole and fault."""
-    i = state.current[state.current.shape[0] - net.switch_bus.shape[0] :]
-    for s in range(net.switch_bus.shape[0]):
-        v, w, y = state.v[net.switch_bus[s, 0]], state.v[net.switch_bus[s, 1]], factor.switch[s]
-        d0, d1, d2 = v[0] - w[0], v[1] - w[1], v[2] - w[2]
-        for p in range(3):
-            i[s, p] = y[3 * p] * d0 + y[3 * p + 1] * d1 + y[3 * p + 2] * d2
-
-
-@njit
-def waiting(watch: Watch) -> bool:
-    """Whether any pole waits for its current zero."""
-    for s in range(watch.armed.shape[0]):
-        for p in range(3):
-            if watch.armed[s, p]:
-                return True
-    return False
-
-
-@njit
-def crossings(net: Network, state: State, watch: Watch) -> bool:
-    """Looks for a zero of each armed pole's current between the state kept and the present one."""
-    found = False
-    first = state.current.shape[0] - net.switch_bus.shape[0]
-    for s in range(net.switch_bus.shape[0]):
-        for p in range(3):
-            watch.zero[s, p] = -1.0
-            if watch.armed[s, p]:
-                i, j = state.old_current[first + s, p], state.current[first + s, p]
-                if abs(i) <= NO_CURRENT:
-                    watch.zero[s, p] = 0.0
-                elif i * j < 0.0:
-                    watch.zero[s, p] = i / (i - j)
-                found = found or watch.zero[s, p] >= 0.0
-    return found

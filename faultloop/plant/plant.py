@@ -1,4 +1,4 @@
-"""The primary system: sources, lines, faults and breakers, sampled for the relays."""
+"""The primary system, advanced sample by sample for the relays."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError, nearest
 from faultloop.plant import kernel
-from faultloop.plant.circuit import Circuit
-from faultloop.plant.elements import State
+from faultloop.plant.arrays import State, new_state
+from faultloop.plant.breaker import Breaker
+from faultloop.plant.build import circuit_of
+from faultloop.plant.component import PlantTables
+from faultloop.plant.elements.switch import POLE_BITS, Action, Kind, poles
 from faultloop.plant.frontend import SECTIONS, FrontEnds, convert_block, front_ends, settle
 from faultloop.plant.kernel import PENDING, ROW, STEP, STOP, Watch
+from faultloop.plant.line import Line
 from faultloop.plant.network import Model, renew_switch_currents
 from faultloop.plant.probe import Probe
 from faultloop.plant.steady import ROTATION, Steady, fill, steady_states
-from faultloop.plant.timing import FaultTime, fault_times
 
 NS = 1_000_000_000
-POLE_BITS = np.array([1, 2, 4])
 SAME_INSTANT = 1e-6
 """Current zeros closer than this, in steps, are one instant: poles in series open together."""
 
@@ -33,19 +34,9 @@ class Change:
     (A = 1, B = 2, C = 4), or fault ``index`` is on (1) or off (0)."""
 
     t_ns: int
-    kind: Literal["pole", "fault"]
+    kind: Kind
     index: int
     value: int
-
-
-class Action(NamedTuple):
-    """Something due at a step.  ``make``: the poles begin to conduct; ``part``: they part, and conduct on to
-    their current zero."""
-
-    step: int
-    kind: Literal["make", "part"]
-    switch: int
-    mask: int
 
 
 class PlantState(NamedTuple):
@@ -64,7 +55,7 @@ class Plant:
 
     Parameters
     ----------
-    scenario : sources, lines, faults, breakers and where relays measure.
+    tables : the components, and where relays measure; a `Scenario` is one.
 
     Raises
     ------
@@ -85,18 +76,19 @@ class Plant:
         Of the last `advance`.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario = scenario
-        self.sampling_hz = scenario.system.sampling_hz
-        self.steps_per_sample = scenario.system.steps_per_sample
+    def __init__(self, tables: PlantTables) -> None:
+        self.tables = tables
+        self.sampling_hz = tables.system.sampling_hz
+        self.steps_per_sample = tables.system.steps_per_sample
         self.sample_count = 0
         self.changes: list[Change] = []
-        circuit = Circuit.of(scenario)
+        circuit = circuit_of(tables)
         self._rate = circuit.rate
         self._model = Model(circuit)
-        self._breakers = [breaker.name for breaker in scenario.breaker]
+        self._breakers = {breaker.name: breaker for breaker in tables.all(Breaker)}
+        self._seen_as = _numbered([switch.kind for switch in circuit.switches])
         self._front = self._front_ends()
-        self._buffer, self._state = _new_state(self._model, len(scenario.relay))
+        self._buffer, self._state = _new_state(self._model, len(tables.relay))
         switches = len(circuit.switches)
         self._watch = Watch(
             clock=np.array([0, self.steps_per_sample, 0, 0, 1], dtype=np.int64),
@@ -104,14 +96,14 @@ class Plant:
             zero=np.zeros((switches, 3)),
             instant=np.zeros(2),
         )
-        self._masks = tuple(0 if s.fault else 7 for s in circuit.switches)
+        self._masks = tuple(7 if s.closed else 0 for s in circuit.switches)
         self._factor = self._model.factor(self._masks)
         steady = steady_states(self._model)
         self._settle(steady)
-        times = fault_times(self._model, steady)
-        self.notes = circuit.notes + [note for time in times for note in time.notes]
-        self._actions = tuple(a for i, time in enumerate(times) for a in self._fault_actions(i, time))
-        self._samples = np.empty((0, len(scenario.relay), 6))
+        planned = [item.actions(self._model, steady) for item in tables.items()]
+        self._actions = tuple(action for actions, _ in planned for action in actions)
+        self.notes = circuit.notes + [note for _, notes in planned for note in notes]
+        self._samples = np.empty((0, len(tables.relay), 6))
         self.samples = self._samples
 
     # ------------------------------------------------------------------ running
@@ -122,7 +114,7 @@ class Plant:
         if n < 1:
             raise ValueError(f"advance needs n >= 1, not {n}")
         if len(self._samples) < n:
-            self._samples = np.empty((n, len(self.scenario.relay), 6))
+            self._samples = np.empty((n, len(self.tables.relay), 6))
         clock, network = self._watch.clock, self._model.network
         clock[ROW] = 0
         self.changes = []
@@ -147,7 +139,7 @@ class Plant:
     def history(self, n: int) -> NDArray[np.float64]:
         """The ``n`` samples before sample 0, (n, relays, 6), of the steady state that the run begins in."""
         steps = np.arange(-n, 0)[:, None, None] * self.steps_per_sample
-        values = np.zeros((n, len(self.scenario.relay), 6))
+        values = np.zeros((n, len(self.tables.relay), 6))
         for angle, phasors in self._before:
             values += (phasors * np.exp(1j * angle * steps)).real
         convert_block(self._front, -n, values, values)
@@ -167,8 +159,7 @@ class Plant:
             )
         if t_ns < self._now_ns():
             raise ValueError(f"a command at {t_ns} ns comes too late: the plant is at {self._now_ns()} ns")
-        switch = self._breakers.index(breaker)
-        settings = self.scenario.breaker[switch]
+        switch, settings = self._switch_of(breaker), self._breakers[breaker]
         delay = settings.operate_ms if action == "open" else settings.close_ms
         step = max(self._step_at(t_ns + round(delay * 1e6)), int(self._watch.clock[STEP]))
         if action == "open":
@@ -185,7 +176,7 @@ class Plant:
         """Mask of the breaker's conducting poles, now."""
         if breaker not in self._breakers:
             raise InputError(f"there is no breaker '{breaker}'; {nearest(breaker, self._breakers)}")
-        return self._masks[self._breakers.index(breaker)]
+        return self._masks[self._switch_of(breaker)]
 
     def save(self) -> PlantState:
         """A copy of everything that changes."""
@@ -219,11 +210,11 @@ class Plant:
         """Does what is due at the present step; where something began to conduct, takes the step with it."""
         masks = list(self._masks)
         for action in due:
-            poles = _poles(action.mask)
+            which = poles(action.mask)
             if action.kind == "part":
-                self._watch.armed[action.switch] |= poles & _poles(masks[action.switch])
+                self._watch.armed[action.switch] |= which & poles(masks[action.switch])
             else:
-                self._watch.armed[action.switch] &= ~poles
+                self._watch.armed[action.switch] &= ~which
                 masks[action.switch] |= action.mask
         if tuple(masks) != self._masks:
             renew_switch_currents(self._model, self._factor, self._state)
@@ -251,22 +242,16 @@ class Plant:
         step, instant = int(self._watch.clock[STEP]), float(self._watch.instant[0])
         t_ns = step * NS // self._rate if instant == 0 else math.floor((step + instant) * NS / self._rate)
         for switch, (old, new) in enumerate(zip(self._masks, masks, strict=True)):
-            if old == new:
-                continue
-            if switch < len(self._breakers):
-                self.changes.append(Change(t_ns, "pole", switch, new))
-            elif bool(old) != bool(new):
-                self.changes.append(Change(t_ns, "fault", switch - len(self._breakers), int(bool(new))))
+            kind, index = self._seen_as[switch]
+            if kind == "pole" and old != new:
+                self.changes.append(Change(t_ns, kind, index, new))
+            elif kind == "fault" and bool(old) != bool(new):
+                self.changes.append(Change(t_ns, kind, index, int(bool(new))))
         self._masks = masks
         self._factor = self._model.factor(masks)
 
-    def _fault_actions(self, index: int, time: FaultTime) -> list[Action]:
-        switch = len(self._breakers) + index
-        mask = sum(1 << "ABC".index(phase) for phase in self.scenario.fault[index].type.rstrip("G"))
-        actions = [Action(time.on, "make", switch, mask)]
-        if time.off is not None:
-            actions.append(Action(time.off, "part", switch, mask))
-        return actions
+    def _switch_of(self, breaker: str) -> int:
+        return self._model.circuit.number[Breaker.table, breaker]
 
     # ------------------------------------------------------------------ setting up
 
@@ -274,14 +259,14 @@ class Plant:
         """Where each relay's voltage and current come from."""
         circuit, row = self._model.circuit, self._model.row
         bus, terms = [], []
-        for relay in self.scenario.relay:
-            line = next(line for line in self.scenario.line if line.name == relay.line)
-            at_bus = line.from_bus if relay.end == "from" else line.to_bus
-            node = at_bus if relay.voltage_at == "bus" else circuit.terminals[relay.line, relay.end]
+        for relay in self.tables.relay:
+            line = self.tables.find(Line, relay.line, f"relay[{relay.name}].line")
+            at_bus = relay.voltage_at == "bus"
+            node = line.bus(relay.end) if at_bus else circuit.terminals[relay.line, relay.end]
             bus.append(row[node])
             parts = circuit.terms[relay.line, relay.end]
             terms.append([(circuit.current_row(kind, i), sign) for kind, i, sign in parts])
-        return front_ends(self.scenario, bus, terms, float(self._rate))
+        return front_ends(self.tables, bus, terms, float(self._rate))
 
     def _settle(self, steady: list[Steady]) -> None:
         """The state of an eternal run at step 0."""
@@ -289,7 +274,7 @@ class Plant:
         front = self._front
         self._before: list[tuple[float, NDArray[np.complex128]]] = []
         for s in steady:
-            x = np.zeros((len(self.scenario.relay), 6), dtype=complex)
+            x = np.zeros((len(self.tables.relay), 6), dtype=complex)
             for i in range(len(x)):
                 x[i, :3] = s.v[front.bus[i]] * ROTATION
                 span = slice(front.pointer[i], front.pointer[i + 1])
@@ -304,9 +289,9 @@ class Plant:
         return int(self._watch.clock[STEP]) * NS // self._rate
 
 
-def _poles(mask: int) -> NDArray[np.bool_]:
-    """(3,) of a bit mask."""
-    return (mask & POLE_BITS) != 0
+def _numbered(kinds: list[Kind]) -> list[tuple[Kind, int]]:
+    """Each with its place among those of its kind."""
+    return [(kind, kinds[:i].count(kind)) for i, kind in enumerate(kinds)]
 
 
 def _without(action: Action, switch: int, mask: int) -> Action:
@@ -317,26 +302,20 @@ def _without(action: Action, switch: int, mask: int) -> Action:
 
 
 def _new_state(model: Model, relays: int) -> tuple[NDArray[np.float64], State]:
-    """One buffer, and the arrays that are its views: to save it is one copy."""
-    circuit = model.circuit
-    branches, waves = len(circuit.branches), len(circuit.waves)
-    rows, currents = len(model.row), branches + 2 * waves + len(circuit.switches)
+    branches, waves = len(model.circuit.branches), len(model.circuit.sections)
+    rows, currents = len(model.row), branches + 2 * waves + len(model.circuit.switches)
     shapes = {
         "v": (rows, 3),
         "current": (currents, 3),
         "history": (branches, 3),
         "ring": (model.ring_slots, 6),
-        "emf": (len(circuit.emfs), 3),
+        "emf": (len(model.circuit.emfs), 3),
         "lowpass": (relays, 6, SECTIONS, 2),
         "old_v": (rows, 3),
         "old_current": (currents, 3),
         "half_v": (rows, 3),
         "half_current": (currents, 3),
-        "wave_history": (waves, 6),
+        "arriving": (waves, 6),
         "measured": (relays, 6),
     }
-    sizes = [math.prod(shape) for shape in shapes.values()]
-    buffer = np.zeros(sum(sizes))
-    parts = np.split(buffer, np.cumsum(sizes)[:-1])
-    views = {name: part.reshape(shape) for part, (name, shape) in zip(parts, shapes.items(), strict=True)}
-    return buffer, State(**views)
+    return new_state(shapes, (branches, 2 * waves))

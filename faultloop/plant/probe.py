@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.plant.elements import State
+from faultloop.plant.arrays import State
 from faultloop.plant.factor import Factor
 from faultloop.plant.network import Model, renew_switch_currents
 
@@ -41,19 +41,15 @@ class Probe:
 
     def source_current(self, name: str) -> Phases:
         """Out of a source into its bus."""
-        names = [source.name for source in self._model.circuit.scenario.source]
-        return self._state.current[names.index(name)].copy()
+        return self._state.current[self._model.circuit.number["source", name]].copy()
 
     def breaker_current(self, name: str) -> Phases:
         """Through a breaker's poles, from bus to line."""
-        names = [breaker.name for breaker in self._model.circuit.scenario.breaker]
-        return self._switch(names.index(name))
+        return self._switch("breaker", name)
 
     def fault_current(self, name: str) -> Phases:
         """Out of each phase into a fault."""
-        scenario = self._model.circuit.scenario
-        names = [fault.name for fault in scenario.fault]
-        return self._switch(len(scenario.breaker) + names.index(name))
+        return self._switch("fault", name)
 
-    def _switch(self, index: int) -> Phases:
-        return self._state.current[self._model.circuit.current_row("switch", index)].copy()
+    def _switch(self, table: str, name: str) -> Phases:
+        return self._state.switch_current[self._model.circuit.number[table, name]].copy()

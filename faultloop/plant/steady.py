@@ -8,18 +8,17 @@ interpolation makes of it.  With those, the first samples already are the steady
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError
-from faultloop.plant.circuit import GROUND, Branch
-from faultloop.plant.elements import State
-from faultloop.plant.network import CONTACT_OHM, LEAKAGE_S, Model
-
-Complex = NDArray[np.complex128]
+from faultloop.plant.arrays import State
+from faultloop.plant.elements import GROUND, Complex
+from faultloop.plant.elements.switch import CONTACT_OHM
+from faultloop.plant.network import LEAKAGE_S, Model
 
 RESONANT = 100.0
 """A bus at more than this many times the largest source is at a resonance."""
@@ -53,7 +52,7 @@ def _solve(model: Model, frequency: float) -> Steady:
     v = np.zeros(len(row), dtype=complex)
     for emf in circuit.emfs:
         if emf.frequency_hz == frequency:
-            v[row[emf.node]] = emf.amplitude * np.exp(1j * emf.phase)
+            v[row[emf.behind.start]] = emf.amplitude * np.exp(1j * emf.phase)
     n = model.bus_count
     injected = np.zeros(n, dtype=complex)
     inner = []
@@ -95,12 +94,13 @@ def _admittances(model: Model, angle: float) -> Iterator[tuple[int, int, complex
     for bus in range(model.bus_count):
         yield bus, bus, LEAKAGE_S
     for branch in circuit.branches:
-        yield from _between(row[branch.start], row[branch.end], branch_admittance(branch, angle, circuit.dt))
+        y = branch.admittance(_derivative(angle, circuit.dt))
+        yield from _between(row[branch.start], row[branch.end], y)
     for switch in circuit.switches:
-        if switch.fault is None:
+        if switch.closed:
             yield from _between(row[switch.start], row[switch.end], 1 / CONTACT_OHM)
-    for section in circuit.waves:
-        own, mutual = wave_admittance(section.wave.admittances(angle))
+    for section in circuit.sections:
+        own, mutual = section.admittance(angle)
         k, m = row[section.start], row[section.end]
         yield from ((k, k, own), (m, m, own), (k, m, mutual), (m, k, mutual))
 
@@ -109,18 +109,9 @@ def _between(k: int, m: int, y: complex) -> Iterator[tuple[int, int, complex]]:
     yield from ((k, k, y), (m, m, y), (k, m, -y), (m, k, -y))
 
 
-def branch_admittance(branch: Branch, angle: float, dt: float) -> complex:
-    """Positive sequence, of the trapezoidal rule [S]."""
-    s = 2j / dt * np.tan(angle / 2)
-    if branch.c is not None:
-        return complex(s * branch.c[1])
-    return complex(1 / (branch.r[1] + s * branch.l[1]))
-
-
-def wave_admittance(modes: tuple[Complex, Complex]) -> tuple[complex, complex]:
-    """Own and mutual admittance, positive sequence, from those for equal and for opposite voltages."""
-    equal, opposite = modes[0][1], modes[1][1]
-    return complex(equal + opposite) / 2, complex(equal - opposite) / 2
+def _derivative(angle: float, dt: float) -> complex:
+    """What the trapezoidal rule makes of d/dt at ``angle`` per step [1/s]."""
+    return complex(2j / dt * np.tan(angle / 2))
 
 
 def _currents(model: Model, angle: float, v: Complex) -> Complex:
@@ -128,30 +119,30 @@ def _currents(model: Model, angle: float, v: Complex) -> Complex:
     circuit, row = model.circuit, model.row
     out: list[complex] = []
     for branch in circuit.branches:
-        y = branch_admittance(branch, angle, circuit.dt)
+        y = branch.admittance(_derivative(angle, circuit.dt))
         out.append(y * (v[row[branch.start]] - v[row[branch.end]]))
-    for section in circuit.waves:
-        own, mutual = wave_admittance(section.wave.admittances(angle))
+    for section in circuit.sections:
+        own, mutual = section.admittance(angle)
         k, m = v[row[section.start]], v[row[section.end]]
         out += [own * k + mutual * m, mutual * k + own * m]
     for switch in circuit.switches:
         across = v[row[switch.start]] - v[row[switch.end]]
-        out.append(across / CONTACT_OHM if switch.fault is None else 0j)
+        out.append(across / CONTACT_OHM if switch.closed else 0j)
     return np.array(out)
 
 
-def fill(model: Model, states: list[Steady], state: State) -> None:
+def fill(model: Model, states: Sequence[Steady], state: State) -> None:
     """Puts the superposed steady states, as of step 0, into a state of zeros."""
     state.v[:] = sum(_phases(s.v) for s in states).real
     state.current[:] = sum(_phases(s.current) for s in states).real
     state.emf[:, 2] = -1
-    net = model.network
-    across = state.v[net.branch_bus[:, 0]] - state.v[net.branch_bus[:, 1]]
+    net = model.network.branch
+    across = state.v[net.bus[:, 0]] - state.v[net.bus[:, 1]]
     # positive sequence has no sum, so only the own terms of P and K act
-    state.history[:] = net.trapezoid[:, 2:3] * across + net.trapezoid[:, 4:5] * state.current[: len(across)]
-    first = len(model.circuit.branches)
-    for w, section in enumerate(model.circuit.waves):
-        offset, mask = model.network.wave_tap[w, :2]
+    state.history[:] = net.trapezoid[:, 2:3] * across + net.trapezoid[:, 4:5] * state.branch_current
+    first = len(across)
+    for w, section in enumerate(model.circuit.sections):
+        offset, mask = model.network.wave.tap[w, :2]
         steps = np.arange(-int(mask), 1)
         slots = offset + (steps & mask)
         for end, node in enumerate((section.start, section.end)):
@@ -170,7 +161,7 @@ def _phases(positive: Complex) -> Complex:
     return positive[:, None] * ROTATION
 
 
-def voltage(model: Model, states: list[Steady], node: str, steps: NDArray[np.int64]) -> Complex:
+def voltage(model: Model, states: Sequence[Steady], node: str, steps: NDArray[np.int64]) -> Complex:
     """Phase A's voltage at a node as an analytic signal over steps [V]: its real part is the wave."""
     total = sum(s.v[model.row[node]] * np.exp(1j * s.angle * steps) for s in states)
     return np.asarray(total if node != GROUND else 0 * steps, dtype=complex)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Self
 
 import pytest
 
-from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError
 from faultloop.io.can.transport import open_bus
 from faultloop.loop.runner import run
+from faultloop.loop.scenario import AnyScenario, Scenario, load_scenario
 from faultloop.testing.run import Start, TestRun
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class FaultloopBus:
         """
         __tracebackhide__ = True
         checked = (
-            scenario if isinstance(scenario, Scenario) else load_scenario(self._find(scenario), overrides)
+            scenario if isinstance(scenario, AnyScenario) else load_scenario(self._find(scenario), overrides)
         )
         if can is not None and (reason := objection(can)) is not None:
             pytest.skip(f"needs {can}: {reason}")
@@ -110,7 +110,7 @@ class FaultloopBus:
         log = self._folder / f"run-{len(self.runs) + 1}.mcap"
         rate = self._pace if pace is None else pace
         if processes:
-            if isinstance(scenario, Scenario):
+            if isinstance(scenario, AnyScenario):
                 raise InputError("processes read the scenario themselves: give its file", key="scenario")
             start = _processes(self._find(scenario), on, rate, without, overrides, log)
         else:

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from faultloop.config.scenario import Expect, Scenario
+from faultloop.config.expect import Expect
 from faultloop.config.tables import validate
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.frames import Frame, Message, Rejection, State
@@ -18,6 +18,7 @@ from faultloop.io.can.monitor import read
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import open_log
 from faultloop.loop.result import Result, TripReport, Verdict, judge, pole_names
+from faultloop.loop.scenario import Scenario
 
 Progress = Callable[[float], None]
 Start = Callable[[Progress], Result]

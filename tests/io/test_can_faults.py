@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from faultloop.config.bus_fault import BusFault
-from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError
 from faultloop.io.can.faults import SenderFaults
 from faultloop.io.can.frames import Frame, Rejection, State, decode
 from faultloop.io.can.table import Kind
+from faultloop.loop.scenario import Scenario
 from tests.examples import scenario
 
 MS = 1_000_000

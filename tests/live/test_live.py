@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import faultloop
-from faultloop.config.scenario import Scenario
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, SampledValues, decode
 from faultloop.io.mcap_writer import LogWriter
@@ -24,6 +23,7 @@ from faultloop.live.stream import SampleStream, quantised
 from faultloop.live.supervisor import run_processes
 from faultloop.loop.pacing import Deadlines, Percentiles
 from faultloop.loop.recording import MemorySink, Recorder
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes import FOREVER
 from faultloop.nodes.plant import PlantNode
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 import faultloop
-from faultloop.config.scenario import Scenario
 from faultloop.loop import simulation
 from faultloop.loop.result import Result
+from faultloop.loop.scenario import Scenario
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 LOSSY = SCENARIOS / "lossy-bus.toml"

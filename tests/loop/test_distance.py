@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from faultloop.config.scenario import FAULT_TYPES, Scenario
+from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from faultloop.plant.fault import FAULT_TYPES
 from faultloop.relay import Relay, RelaySettings
 from tests.examples import scenario
 

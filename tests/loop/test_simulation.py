@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 import faultloop
-from faultloop.config.scenario import Scenario, load_scenario
 from faultloop.errors import InputError
 from faultloop.io.diff import diff_logs
 from faultloop.io.mcap_reader import open_log
 from faultloop.loop import simulation
 from faultloop.loop.result import Result
+from faultloop.loop.scenario import Scenario, load_scenario
 from tests.examples import scenario
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,12 +9,12 @@ import pytest
 
 import faultloop
 from faultloop.cli import call
-from faultloop.config.scenario import load_scenario
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.goose import Publisher, Subscriber
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import open_bus, to_message
+from faultloop.loop.scenario import load_scenario
 
 AG = Path(__file__).resolve().parents[2] / "scenarios" / "ag-zone1.toml"
 START_NS = load_scenario(AG).scenario.start_ns

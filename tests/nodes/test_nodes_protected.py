@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from faultloop.config.scenario import load_scenario
 from faultloop.errors import InputError
 from faultloop.io.can.authentication import CmacSeal
 from faultloop.io.can.frames import Frame, Heartbeat, Rejection, decode
 from faultloop.io.can.table import Alarm, Kind
 from faultloop.loop.runner import run
+from faultloop.loop.scenario import load_scenario
 from faultloop.nodes import BreakerNode, Refusals, RelayNode
 
 MS = 1_000_000

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.config.scenario import Scenario
+from faultloop.loop.scenario import Scenario
 
 Complex = NDArray[np.complex128]
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from faultloop.config.scenario import Scenario
+from faultloop.loop.scenario import Scenario
 from faultloop.plant import Change, Plant
 from tests.plant.record import now_ns
 from tests.plant.reference import build

@@ -9,9 +9,10 @@ import pytest
 
 from faultloop.errors import InputError
 from faultloop.plant import Plant
-from faultloop.plant.circuit import Circuit
+from faultloop.plant.build import circuit_of
+from faultloop.plant.elements.bergeron import Wave, lagrange
+from faultloop.plant.elements.line_constants import LineConstants
 from faultloop.plant.factor import elimination_order, factorize, solve, symbolic
-from faultloop.plant.lines import LineConstants, Wave, lagrange
 from faultloop.plant.network import Model
 from tests.plant.record import record
 from tests.plant.reference import LINE, build, network
@@ -44,7 +45,7 @@ def test_block_factorization_solves() -> None:
     columns = np.repeat(np.arange(count), np.diff(structure.pointer))
     lower = np.array([dense[j, :, i].ravel() for i, j in zip(columns, structure.row, strict=True)])
     factorize(structure, diagonal, lower)
-    model = Model(Circuit.of(build("rl")))
+    model = Model(circuit_of(build("rl")))
     injected = random.normal(size=(count, 3))
     y = injected.copy()
     factor = model.factor(())._replace(inverse=diagonal, lower=lower)
@@ -107,7 +108,7 @@ def test_parallel_lines_share_equally() -> None:
 
 def test_source_by_impedance_ratio_takes_the_first_line_at_its_bus() -> None:
     sources = [{"name": "A", "bus": "A", "sir": 5.0, "z0_over_z1": 2.0}]
-    circuit = Circuit.of(build("rl", source=sources))
+    circuit = circuit_of(build("rl", source=sources))
     z1 = complex(LINE["r1"], LINE["x1"]) * 120 * 5
     behind = circuit.branches[0]
     assert behind.r == pytest.approx([2 * z1.real, z1.real])
@@ -124,13 +125,13 @@ def test_a_bergeron_line_too_short_for_a_step_is_a_pi_and_says_so() -> None:
 
 def test_a_long_bergeron_line_is_cascaded_until_its_losses_are_spread() -> None:
     """Open at its end, 500 km against the hyperbolic equations (Ferranti) for both sequences."""
-    circuit = Circuit.of(build("bergeron", line=[line("L", "A", "B", "bergeron", 500.0)]))
-    assert 3 <= len(circuit.waves) <= 6
-    equal, opposite = circuit.waves[0].wave.admittances(2 * np.pi * 50 / 19200)
+    circuit = circuit_of(build("bergeron", line=[line("L", "A", "B", "bergeron", 500.0)]))
+    assert 3 <= len(circuit.sections) <= 6
+    equal, opposite = circuit.sections[0].wave.admittances(2 * np.pi * 50 / 19200)
     own, mutual = (equal + opposite) / 2, (opposite - equal) / 2  # i = own v - mutual v_other
     for mode, s in enumerate("01"):
         section = np.array([[own[mode], 1], [own[mode] ** 2 - mutual[mode] ** 2, own[mode]]]) / mutual[mode]
-        whole = np.linalg.matrix_power(section, len(circuit.waves))
+        whole = np.linalg.matrix_power(section, len(circuit.sections))
         z, y = complex(LINE["r" + s], LINE["x" + s]) * 500, 1e-6j * LINE["b" + s] * 500
         gamma, zc = np.sqrt(z * y), np.sqrt(z / y)
         exact = np.array([[np.cosh(gamma), zc * np.sinh(gamma)], [np.sinh(gamma) / zc, np.cosh(gamma)]])

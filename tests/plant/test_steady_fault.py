@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from faultloop.config.scenario import FAULT_TYPES
 from faultloop.plant import Plant
+from faultloop.plant.fault import FAULT_TYPES
 from tests.plant.reference import build, phasors, solve
 
 POSITIONS = (0.0, 0.1, 0.45, 0.8, 1.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from faultloop.config.scenario import Scenario
+from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
 from faultloop.relay import Relay, RelaySettings
 

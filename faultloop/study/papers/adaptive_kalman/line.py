@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.config.scenario import Scenario
+from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
 
 Array = NDArray[np.float64]

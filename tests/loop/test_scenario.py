@@ -8,8 +8,9 @@ from typing import Any, get_args
 
 import pytest
 
-from faultloop.config.scenario import Scenario, apply_override, load_scenario
+from faultloop.config.override import apply_override
 from faultloop.errors import InputError
+from faultloop.loop.scenario import Scenario, load_scenario
 from tests.examples import scenario
 
 

@@ -1,0 +1,45 @@
+"""What the participants on a bus are made from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pydantic import Field, PrivateAttr
+
+from faultloop.config.bus_fault import BusFault
+from faultloop.config.can import Can
+from faultloop.plant.component import PlantTables
+
+if TYPE_CHECKING:
+    from faultloop.plant.breaker import Breaker
+    from faultloop.plant.fault import Fault
+    from faultloop.plant.line import Line
+    from faultloop.plant.source import Source
+
+
+class BusTables(PlantTables):
+    """The tables of the plant, of the bus and of what befalls it."""
+
+    can: Can = Can()
+    bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
+
+    _path: Path | None = PrivateAttr(default=None)
+
+    if TYPE_CHECKING:  # fields that the components bring; for the eyes of a type checker
+        source: tuple[Source, ...]
+        line: tuple[Line, ...]
+        fault: tuple[Fault, ...]
+        breaker: tuple[Breaker, ...]
+
+    @property
+    def path(self) -> Path | None:
+        """The file that they came from."""
+        return self._path
+
+    @property
+    def keys_path(self) -> Path | None:
+        """The key file, where there is one."""
+        if self.can.keys is None:
+            return None
+        return (self._path.parent if self._path else Path()) / self.can.keys

@@ -1,0 +1,43 @@
+"""``[[breaker]]`` between a bus and a line end."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from faultloop.config.place import End
+from faultloop.config.tables import Milliseconds, Name
+from faultloop.errors import InputError
+from faultloop.plant.circuit import Circuit
+from faultloop.plant.component import Component, PlantTables
+from faultloop.plant.elements.switch import Poles
+from faultloop.plant.line import Line
+
+
+class Breaker(Component):
+    """Times count from the command to the contacts; an opening pole then conducts on to its current zero."""
+
+    table: ClassVar[str] = "breaker"
+    most: ClassVar[int | None] = 16
+
+    line: Name
+    end: End
+    operate_ms: Milliseconds = 40.0
+    close_ms: Milliseconds = 80.0
+
+    def check(self, tables: PlantTables) -> None:
+        tables.find(Line, self.line, self.key("line"))
+        for other in tables.all(Breaker):
+            if other.name == self.name:
+                return
+            if (other.line, other.end) == (self.line, self.end):
+                raise InputError(
+                    f"breaker '{other.name}' is already at the '{self.end}' end of line '{self.line}'",
+                    key=self.key("end"),
+                )
+
+    def add(self, circuit: Circuit, tables: PlantTables) -> None:
+        line = tables.find(Line, self.line, self.key("line"))
+        inner = f"{self.line}:{self.end}"
+        number = circuit.add_switch(self.table, self.name, Poles(line.bus(self.end), inner))
+        circuit.terminals[self.line, self.end] = inner
+        circuit.terms[self.line, self.end] = [("switch", number, 1.0)]

@@ -1,0 +1,12 @@
+"""What a primary system can be made up of; a new component is a file and its name here."""
+
+from __future__ import annotations
+
+from faultloop.plant.breaker import Breaker
+from faultloop.plant.component import Component
+from faultloop.plant.fault import Fault
+from faultloop.plant.line import Line
+from faultloop.plant.source import Source
+
+COMPONENTS: tuple[type[Component], ...] = (Breaker, Source, Line, Fault)
+"""In the order in which they are built: a breaker makes a line's end, a line the node of a fault on it."""
