@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from faultloop.relay.layout import FAULTS, LOOPS
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
 
 Level = Literal["info", "warning", "error"]
 
@@ -39,31 +40,19 @@ class Outputs:
     pilot: int = 0
 
 
+@dataclass(frozen=True)
+class Names:
+    """What a function needs to tell an event: the sample, the settings, and who is behind a bit."""
+
+    sample: int
+    settings: RelaySettings
+    sources: dict[int, tuple[str, int]]
+
+    def source(self, bit: int) -> tuple[str, int]:
+        """Name and zone (0 for a function without zones) of the instance whose first bit this is."""
+        return self.sources[bit]
+
+
 def poles_text(mask: int) -> str:
     """``AB`` for 3."""
     return "".join(pole for bit, pole in enumerate("ABC") if mask >> bit & 1)
-
-
-def loops_text(mask: int) -> str:
-    """Released loops as a fault type where they are one: ``ABC`` for the three phase loops."""
-    if mask == 0b111000:
-        return FAULTS[7]
-    return " ".join(loop for bit, loop in enumerate(LOOPS) if mask >> bit & 1)
-
-
-def bit_texts(bits: tuple[str, ...], zones: int, before: tuple[int, int], now: tuple[int, int]) -> list[str]:
-    """Lines for the zones and user elements whose pickup or operate changed (direction and phase selection
-    are in the bits, and in the start's line)."""
-    lines = []
-    loops = loops_text(now[0] >> (zones + 2) & 0b111111)
-    direction = "forward" if now[0] >> zones & 1 else "reverse" if now[0] >> (zones + 1) & 1 else ""
-    for place, name in enumerate(bits):
-        if zones <= place <= zones + 8:
-            continue
-        for kind, data in enumerate(("Str", "Op")):
-            was, on = before[kind] >> place & 1, now[kind] >> place & 1
-            if was == on:
-                continue
-            detail = f"{loops} {direction}" if place < zones and on else ""
-            lines.append(" ".join(f"{name} {data} {detail if on else 'reset'}".split()))
-    return lines

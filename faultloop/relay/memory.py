@@ -19,6 +19,33 @@ from faultloop.jit import njit
 A = complex(-0.5, math.sqrt(0.75))
 A2 = A.conjugate()
 
+SNAPSHOTS = 32
+MEMORY_CYCLES = 2
+
+MEMORY = np.dtype(
+    [
+        ("ring", "c16", (SNAPSHOTS, 6)),
+        ("ring_frequency", "f8", (SNAPSHOTS,)),
+        ("head", "i8"),  # the newest snapshot
+        ("tick", "i8"),  # samples since it
+        ("seen", "i8"),  # samples since the start
+        ("steady", "i8"),  # snapshots in a row at which the voltage stood still
+        ("ready", "i8"),
+        ("moving", "i8"),  # something changed within the last cycle
+        ("drift", "f8"),  # size2 of the change of all phasors within the last snapshot
+        ("frozen", "i8"),  # a disturbance: the reference is kept from before it
+        ("fed", "i8"),  # a current has changed too, and not only a voltage
+        ("age", "i8"),  # samples since
+        ("calm", "i8"),  # samples in a row without a difference from the reference
+        ("still", "i8"),  # samples in a row without movement, and outside every zone
+        ("blind", "i8"),  # samples left after a pole opened
+        ("frequency", "f8"),  # of the reference [Hz]
+        ("rotor", "c16"),  # its turn per sample
+        ("reference", "c16", (6,)),
+    ],
+    align=True,
+)
+
 
 @njit(inline="always")
 def size2(z):

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError
 from faultloop.relay import layout
-from faultloop.relay.chain import decide
-from faultloop.relay.characteristics import Polygon, characteristics
-from faultloop.relay.element import OUT, WIDTH, load_elements
+from faultloop.relay.chain import Block, decide
 from faultloop.relay.estimators import ROW, Estimator, make_estimator
-from faultloop.relay.events import Event, Outputs, Trip, bit_texts, poles_text
+from faultloop.relay.events import Event, Names, Outputs
+from faultloop.relay.functions.function import Polygon
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
 from faultloop.relay.settings import RelaySettings
 from faultloop.relay.step import block_runner
+from faultloop.relay.texts import change_texts
+from faultloop.relay.users import OUT, WIDTH, load_elements
 
 Array = NDArray[np.float64]
 FIRST_CAPACITY = 512
@@ -60,19 +61,24 @@ class Relay:
         self.estimator = estimator or _estimator(settings)
         self._elements = load_elements(settings)
         self._constants = layout.constants(settings, self.estimator.settling_samples)
-        self._zones = layout.zones(settings)
         self._state = layout.initial_state()
-        self._measure_constants, self._measure_state = _measuring(settings, self._constants[0])
+        self._shared = self._state["shared"][0]
+        self._measure_constants, self._measure_state = _measuring(settings, self._constants["shared"][0])
         # A structured array is copied field by field (17 us for a relay's), its bytes at once (1 us).
         self._state_bytes = self._state.view(np.uint8)
         self._measure_bytes = self._measure_state.view(np.uint8)
         self._estimator_state = self.estimator.state.copy()
         self._estimate = block_runner(self.estimator.step)
-        self.bits = self._bits()
+        self._instances = layout.instances(settings)
+        self.bits = layout.bit_names(settings)
+        self._sources = {i.bit: (i.name, getattr(i.table, "zone", 0)) for i in self._instances}
+        self._telling = {
+            i: self._state[i.function.key][0, i.number].copy() for i in self._instances if i.function.tell
+        }
         self.events: list[Event] = []
         self.sample_count = 0
         self._last_words = (0, 0)
-        self._trips, self._located, self._tripped = 0, 0, False
+        self._last_outputs = (Outputs(), 0)
         self._capacity = 0
         self._reserve(FIRST_CAPACITY)
         self.phasors, self.loops = self._phasors[:0], self._loops[:0]
@@ -81,17 +87,21 @@ class Relay:
     @property
     def outputs(self) -> Outputs:
         """The outputs at the last sample done."""
-        trip = self._state["trip"][0]
-        return Outputs(trip_poles=int(trip["poles"]), pilot=int(trip["pilot"]))
+        q = self._shared
+        return Outputs(int(q["poles"]), int(q["close_poles"]), int(q["pilot"]))
 
     @property
     def fault_location(self) -> float:
         """Distance of the last fault that started a zone, per unit of the line; NaN where there is none."""
-        return float(self._state["location"]["value"][0])
+        return float(self._state["rflo"]["value"][0, 0])
 
     def characteristics(self) -> dict[str, tuple[Polygon, Polygon]]:
         """Per zone the closed polygons of ground and phase loops, (k, 2), primary ohm, for the R-X plane."""
-        return characteristics(self.settings)
+        return {
+            instance.name: instance.function.polygons(self.settings, instance.table)
+            for instance in self._instances
+            if instance.function.polygons is not None
+        }
 
     def advance(self, samples: Array) -> int:
         """Run over ``samples`` (n, 6), volts and amperes primary, instantaneous.
@@ -103,7 +113,8 @@ class Relay:
             raise ValueError(f"samples must be (n, 6) with n >= 1, not {samples.shape}")
         samples = np.ascontiguousarray(samples, np.float64)
         self._reserve(len(samples))
-        self._state["closed"] = self.inputs.breaker_closed
+        self._shared["closed"] = self.inputs.breaker_closed
+        self._shared["received"] = self.inputs.pilot
         before = self._save_ahead()
         done = self._run(samples)
         if done < len(samples):  # what runs ahead of the decision goes back and follows it
@@ -133,14 +144,15 @@ class Relay:
 
     def save(self) -> Any:
         """Everything that changes while it runs."""
-        rest = (self.sample_count, self._last_words, self._trips, self._located, self._tripped, self.inputs)
+        rest = (self.sample_count, self._last_words, self._last_outputs, self._telling.copy(), self.inputs)
         return (self._state_bytes.copy(), self._save_ahead(), rest)
 
     def restore(self, state: Any) -> None:
         """Go back to what `save` gave; the same samples then give the same bits."""
         self._state_bytes[:] = state[0]
         self._restore_ahead(state[1])
-        self.sample_count, self._last_words, self._trips, self._located, self._tripped, self.inputs = state[2]
+        self.sample_count, self._last_words, self._last_outputs, telling, self.inputs = state[2]
+        self._telling = telling.copy()
 
     def _save_ahead(self) -> tuple[Array, NDArray[np.uint8], list[Array]]:
         return (
@@ -158,9 +170,8 @@ class Relay:
     def _run(self, samples: Array) -> int:
         self._measure(samples)
         n = len(samples)
-        return decide(
-            self._constants, self._zones, self._state, self._phasors[:n], self._users[:n], self._words[:n]
-        )
+        block = Block(samples, self._phasors[:n], self._loops[:n], self._users[:n])
+        return decide(self._constants, self._state, block, self._words[:n])
 
     def _measure(self, samples: Array) -> None:
         n = len(samples)
@@ -188,54 +199,30 @@ class Relay:
         self._users = np.zeros((n, len(self._elements), OUT))
         self._words = np.zeros((n, 2), np.uint64)
 
-    def _bits(self) -> tuple[str, ...]:
-        zones = [f"PDIS{k + 1}" for k in range(len(self._zones))]
-        directions = ["RDIR1.DirFwd", "RDIR1.DirRev"]
-        loops = [f"PHS1.{loop}" for loop in layout.LOOPS]
-        return (*zones, *directions, *loops, "PTRC1", *(element.name for element in self._elements))
-
     def _tell(self, done: int) -> None:
-        """Events of the samples just done: where a bit changed, and the trip."""
+        """Events of the samples just done: where a bit changed, and what the functions have to tell."""
         self.events = []
         words = self._words[:done]
-        if self._state["changed"][0]:
+        if self._shared["changed"]:
             last = np.array(self._last_words, np.uint64)
             changed = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
             for n in np.flatnonzero(changed):
                 now = (int(words[n, 0]), int(words[n, 1]))
-                for text in bit_texts(self.bits, len(self._zones), self._last_words, now):
-                    self.events.append(Event(self.sample_count + int(n), "info", text))
+                texts = change_texts(self._instances, self.bits, self._last_words, now)
+                self.events += [Event(self.sample_count + int(n), "info", text) for text in texts]
                 self._last_words = now
-        last_sample = self.sample_count + done - 1  # where a block stops for an output or a location
-        self._tell_trip(last_sample)
-        self._tell_location(last_sample)
+        outputs = (self.outputs, int(self._shared["notices"]))
+        if outputs != self._last_outputs:
+            self._last_outputs = outputs
+            self._tell_notices(self.sample_count + done - 1)  # the block has stopped at that sample
 
-    def _tell_trip(self, sample: int) -> None:
-        trip = self._state["trip"][0]
-        if trip["count"] != self._trips:
-            self._trips = int(trip["count"])
-            data = self._trip(trip)
-            text = f"PTRC1 Tr poles {poles_text(data.poles)} zone {data.zone} loop {data.loop}"
-            self.events.append(Event(sample, "warning", text, data))
-        elif self._tripped and not trip["poles"]:
-            self.events.append(Event(sample, "info", "PTRC1 Tr reset"))
-        self._tripped = bool(trip["poles"])
-
-    def _tell_location(self, sample: int) -> None:
-        told = int(self._state["location"]["told"][0])
-        if told == self._located:
-            return
-        self._located = told
-        part, length = self.fault_location, self.settings.line.length_km
-        km = "" if length is None else f", {part * length:.3g} km"
-        self.events.append(Event(sample, "info", f"RFLO1 fault at {part:.3f} of the line{km}"))
-
-    def _trip(self, trip: Any) -> Trip:
-        loop = layout.FAULTS[int(trip["fault"])]
-        index, poles = int(trip["zone"]), int(trip["poles"])
-        if index < 0:
-            return Trip(self._elements[-1 - index].name, 0, loop, poles)
-        return Trip(f"PDIS{index + 1}", int(self._zones["zone"][index]), loop, poles)
+    def _tell_notices(self, sample: int) -> None:
+        names = Names(sample, self.settings, self._sources)
+        for instance, last in self._telling.items():
+            tell, now = instance.function.tell, self._state[instance.function.key][0, instance.number]
+            if tell is not None:
+                self.events += tell(names, last, now)
+            self._telling[instance] = now.copy()
 
 
 def _estimator(settings: RelaySettings) -> Estimator:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from faultloop.relay import Relay, RelaySettings
-from faultloop.relay.layout import LOOPS
+from faultloop.relay.quantities import LOOPS
 from tests.relay.network import TYPES, Network, play, settings_dict
 
 STRONG = Network()

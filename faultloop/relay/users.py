@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError, nearest
-from faultloop.relay.settings import ElementSettings, RelaySettings
+from faultloop.relay.functions.element import ElementSettings
+from faultloop.relay.settings import RelaySettings
 from faultloop.relay.step import Runner, block_runner
 
 WIDTH = 26

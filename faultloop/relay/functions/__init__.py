@@ -1,0 +1,14 @@
+"""The protection functions: one module each, named after its logical node, and its name in ``FUNCTIONS``."""
+
+from __future__ import annotations
+
+from faultloop.relay.functions.element import ELEMENT
+from faultloop.relay.functions.function import Function
+from faultloop.relay.functions.pdis import PDIS
+from faultloop.relay.functions.phs import PHS
+from faultloop.relay.functions.ptrc import PTRC
+from faultloop.relay.functions.rdir import RDIR
+from faultloop.relay.functions.rflo import RFLO
+
+FUNCTIONS: tuple[Function, ...] = (PHS, RDIR, PDIS, ELEMENT, PTRC, RFLO)
+"""In the order in which a sample goes through them."""

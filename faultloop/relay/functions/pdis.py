@@ -1,0 +1,436 @@
+"""PDIS: distance zones.
+
+Each zone measures how deep the fault lies in it, m, as a part of its reach along the reach's angle; it is
+inside where m < 1.  For a mho with polarizing voltage Vp (Schweitzer and Roberts 1993, eq. 8)
+
+    m = Re(V Vp*) / Re(Zr I Vp*)
+
+which is the comparator |arg((Zr I - V) / Vp)| < 90 degrees solved for the reach.  For the reactance line of
+a quadrilateral, with the polarizing current Ip along the fault's own current so that the drop over the fault
+resistance falls out (ibid., eq. 11), and for the fault resistance
+
+    m = Im(V (Ip e^(-j tilt))*) / Im(Zr I (Ip e^(-j tilt))*)      R = Im(V (Zr I)*) / Im(If (Zr I)*)
+
+Ip of a ground loop is the negative-sequence part of its current and If = 3/2 (I2 + I0); both of a phase loop
+are the change of the loop current while the memory holds, then (twice) its negative-sequence part, and the
+loop current itself for a balanced fault.  None of these contains the load.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, model_validator
+
+from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
+from faultloop.errors import nearest
+from faultloop.jit import njit
+from faultloop.relay.functions.function import Function, Polygon
+from faultloop.relay.memory import A2, A, size2
+from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
+
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
+
+MAX_ZONES = 16
+SELF, CROSS, MEMORY_POLARIZED, OFFSET, QUAD = range(5)
+_POLARIZATION = {"self": SELF, "cross": CROSS, "memory": MEMORY_POLARIZED}
+_DIRECTION = {"forward": 1, "reverse": -1, "none": 0}
+_LOOPS = {"all": 0b111111, "ground": 0b000111, "phase": 0b111000}
+
+FIRST = (0, 1, 2, 0, 1, 2)
+SECOND = (1, 2, 0, 1, 2, 0)
+# Positive- and negative-sequence part of a loop quantity, as a factor on that of phase A.
+POSITIVE = (complex(1), A2, A, 1 - A2, A2 - A, A - 1)
+NEGATIVE = (complex(1), A, A2, 1 - A, A - A2, A2 - 1)
+CROSS_GROUND = complex(0, 1 / 3**0.5)
+CROSS_PHASE = complex(0, -(3**0.5))
+SELF_OFFSET = 0.05
+HYSTERESIS = 1.05
+OUTSIDE = np.inf
+POINTS = 73
+
+
+def _polar(value: Any) -> Any:
+    """``{ magnitude = 0.73, angle_deg = -4 }`` as ``[re, im]``."""
+    if isinstance(value, dict):
+        keys = ("magnitude", "angle_deg")
+        for key in value:
+            if key not in keys:
+                raise ValueError(f"unknown key '{key}'; {nearest(key, keys)}")
+        if any(isinstance(value.get(k), bool) or not isinstance(value.get(k), (int, float)) for k in keys):
+            raise ValueError("give [re, im] or { magnitude = ..., angle_deg = ... }")
+        factor = cmath.rect(value["magnitude"], math.radians(value["angle_deg"]))
+        return (factor.real, factor.imag)
+    return value
+
+
+ComplexFactor = Annotated[ComplexOhm, BeforeValidator(_polar)]
+"""A complex number as TOML ``[re, im]`` or ``{ magnitude = ..., angle_deg = ... }``."""
+
+
+class Pdis(Table):
+    """``[[pdis]]``: one distance zone."""
+
+    zone: int = Field(ge=1, le=99)
+    direction: Literal["forward", "reverse", "none"] = "forward"
+    characteristic: Literal["mho", "quad"] = "mho"
+    polarization: Literal["self", "cross", "memory"] | None = None
+    """Of a mho; "memory" where not given."""
+    loops: Literal["all", "ground", "phase"] = "all"
+    reach_pu: Positive | None = None
+    """Of the line's positive-sequence impedance."""
+    reach_ohm: Positive | None = None
+    angle_deg: Annotated[float, Field(gt=0, le=90)] | None = None
+    """Of the reach; the line's angle where not given."""
+    resistive_reach_ohm: Positive | None = None
+    """Of a quad: fault resistance of each phase (half the arc between two phases)."""
+    resistive_reach_ground_ohm: Positive | None = None
+    """Of a quad: fault resistance to ground; ``resistive_reach_ohm`` where not given."""
+    tilt_deg: Annotated[float, Field(ge=-20, le=20)] = 3.0
+    """Of a quad: how far the reactance line falls towards the resistive side."""
+    residual_compensation_factor: ComplexFactor | None = None
+    """k0; (z0 - z1) / (3 z1) of the line where not given."""
+    delay_ms: Milliseconds = 0.0
+    delay_phase_ms: Milliseconds | None = None
+    delay_ground_ms: Milliseconds | None = None
+    minimum_current_a: Positive | None = None
+    """Of the loop current (phase-phase, or compensated); 20 A primary where not given."""
+    minimum_residual_current_a: Positive | None = None
+    """Of 3I0, ground loops only; 20 A primary where not given."""
+    security_cycles: Annotated[float, Field(ge=0, le=5)] = 1.0
+    """How long a fault close to the reach must stay inside before the zone starts; deep inside, a tenth."""
+
+    @model_validator(mode="after")
+    def _whole(self) -> Pdis:
+        if (self.reach_pu is None) == (self.reach_ohm is None):
+            raise ValueError("give either reach_pu (of the line) or reach_ohm")
+        if self.characteristic == "quad":
+            if self.resistive_reach_ohm is None:
+                raise ValueError('characteristic = "quad" needs resistive_reach_ohm')
+            if self.polarization is not None:
+                raise ValueError('polarization belongs to characteristic = "mho"')
+        elif self.resistive_reach_ohm is not None or self.resistive_reach_ground_ohm is not None:
+            raise ValueError('resistive_reach_ohm belongs to characteristic = "quad"')
+        return self
+
+
+def values(settings: RelaySettings, table: Pdis) -> dict[str, Any]:
+    """A zone in primary values and samples."""
+    k0, phase = table.residual_compensation_factor, table.resistive_reach_ohm or 0.0
+    trips = settings.ptrc.zones
+    return {
+        "direction": _DIRECTION[table.direction],
+        "characteristic": _characteristic(table),
+        "loops": _LOOPS[table.loops],
+        "reach": reach_ohm(settings, table) * (-1 if table.direction == "reverse" else 1),
+        "k0": settings.residual_compensation_factor if k0 is None else complex(*k0),
+        "tilt": cmath.rect(1.0, math.radians(table.tilt_deg)),
+        "resistive_phase": phase * settings.ohm_ratio,
+        "resistive_ground": _given(table.resistive_reach_ground_ohm, phase) * settings.ohm_ratio,
+        "delay_phase": settings.samples(_given(table.delay_phase_ms, table.delay_ms)),
+        "delay_ground": settings.samples(_given(table.delay_ground_ms, table.delay_ms)),
+        "minimum_current": settings.amperes(table.minimum_current_a, DEFAULT_CURRENT_A),
+        "minimum_residual": settings.amperes(table.minimum_residual_current_a, DEFAULT_CURRENT_A),
+        "security": table.security_cycles * settings.relay.sampling_hz / settings.relay.frequency_hz,
+        "trips": trips is None or table.zone in trips,
+        "pilot": table.zone == settings.ptrc.pilot_zone,
+    }
+
+
+def _given(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value
+
+
+def _characteristic(zone: Pdis) -> int:
+    if zone.characteristic == "quad":
+        return QUAD
+    if zone.direction == "none":
+        return OFFSET
+    return _POLARIZATION[zone.polarization or "memory"]
+
+
+def reach_ohm(settings: RelaySettings, zone: Pdis) -> complex:
+    """A zone's reach, primary [ohm], with its angle; the direction is not in it."""
+    if zone.reach_pu is not None:
+        size = zone.reach_pu * abs(settings.z1_ohm)
+    else:
+        size = float(zone.reach_ohm or 0.0) * settings.ohm_ratio
+    angle = cmath.phase(settings.z1_ohm) if zone.angle_deg is None else math.radians(zone.angle_deg)
+    return cmath.rect(size, angle)
+
+
+@njit
+def loop_voltage(x: NDArray, loop: int) -> complex:
+    """Voltage of a loop; also its current without residual compensation, given ``x[3:]``."""
+    if loop < 3:
+        return x[loop]
+    return x[FIRST[loop]] - x[SECOND[loop]]
+
+
+@njit
+def loop_current(x: NDArray, loop: int, k0: complex) -> complex:
+    """Current of a loop: compensated for ground loops."""
+    if loop < 3:
+        return x[3 + loop] + k0 * (x[3] + x[4] + x[5])
+    return x[3 + FIRST[loop]] - x[3 + SECOND[loop]]
+
+
+@njit
+def mho_depth(q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
+    """m of a mho zone."""
+    drop = c.reach * i
+    if c.characteristic == OFFSET:
+        return np.sqrt(size2(v) / size2(drop))
+    if c.characteristic == SELF:
+        polarizing = v + SELF_OFFSET * drop  # so that zero voltage is inside, and RDIR says on which side
+    elif c.characteristic == CROSS:
+        if loop < 3:
+            polarizing = CROSS_GROUND * (q.x[(loop + 1) % 3] - q.x[(loop + 2) % 3])
+        else:
+            polarizing = CROSS_PHASE * q.x[(loop + 2) % 3]
+        polarizing = polarizing + SELF_OFFSET * drop
+    else:
+        polarizing = POSITIVE[loop] * q.polarizing
+    reach = drop.real * polarizing.real + drop.imag * polarizing.imag
+    if reach <= 0:
+        return OUTSIDE
+    return (v.real * polarizing.real + v.imag * polarizing.imag) / reach
+
+
+@njit
+def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex, complex]:
+    """Polarizing current of the reactance line and the estimate of the fault's current."""
+    i0, i1, i2 = q.sequence[3], q.sequence[4], q.sequence[5]
+    negative = NEGATIVE[loop] * i2
+    if loop < 3:
+        if size2(i2) < g.minimum_unbalance**2 * size2(i1):
+            return 3 * i0, 1.5 * i0
+        return negative, 1.5 * (negative + i0)
+    if q.memory.age <= g.memory:
+        change = q.d[3 + FIRST[loop]] - q.d[3 + SECOND[loop]]
+        return change, change
+    if q.fault != 7:
+        return negative, 2 * negative
+    return i, i
+
+
+@njit
+def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
+    """m of a quadrilateral zone; OUTSIDE beyond its resistive reach."""
+    drop = c.reach * i
+    polarizing, fault = fault_currents(g, q, loop, i)
+    polarizing = polarizing * c.tilt.conjugate()
+    m = (v * polarizing.conjugate()).imag / (drop * polarizing.conjugate()).imag
+    axis = drop.conjugate()
+    r = (v * axis).imag / (fault * axis).imag
+    if c.direction < 0:
+        r = -r
+    reach = c.resistive_ground if loop < 3 else c.resistive_phase
+    if not abs(r) < reach:
+        return OUTSIDE
+    if c.direction == 0:
+        return abs(m)
+    return m if m > -0.15 - 0.27 * abs(r) / abs(c.reach) else OUTSIDE
+
+
+@njit
+def depth(g: Record, q: Record, c: Record, loop: int) -> float:
+    """How deep the fault is in the zone by one loop: m, or OUTSIDE."""
+    v = loop_voltage(q.x, loop)
+    i = loop_current(q.x, loop, c.k0)
+    if size2(i) < c.minimum_current**2:
+        return OUTSIDE
+    if loop < 3 and size2(q.x[3] + q.x[4] + q.x[5]) < c.minimum_residual**2:
+        return OUTSIDE
+    if c.characteristic <= OFFSET:
+        m = mho_depth(q, c, loop, v, i)
+    else:
+        m = quad_depth(g, q, c, loop, v, i)
+    return m if m == m else OUTSIDE
+
+
+@njit
+def zone_depth(g: Record, q: Record, c: Record, mask: int) -> float:
+    """m of the released loops; of three, the middle one (two of three must be inside)."""
+    if c.direction != 0 and q.direction != c.direction:
+        return OUTSIDE
+    low, middle, high, count = OUTSIDE, OUTSIDE, OUTSIDE, 0
+    for loop in range(6):
+        if not (mask >> loop) & 1:
+            continue
+        count += 1
+        m = depth(g, q, c, loop)
+        if m < low:
+            low, middle, high = m, low, middle
+        elif m < middle:
+            middle, high = m, middle
+        elif m < high:
+            high = m
+    return middle if count == 3 else low
+
+
+@njit
+def security_step(m: float) -> float:
+    """How much one sample inside counts.
+
+    A zone starts when the count has reached ``security`` (one cycle by default): a fault in the last tenth
+    of the reach must stay inside for a cycle, which outlasts the swing that a decaying offset gives the
+    impedance; deep inside, an eighth or a twelfth of that is enough.
+    """
+    if m < 0.5:
+        return 12.0
+    if m < 0.75:
+        return 8.0
+    return 2.0 if m < 0.9 else 1.0
+
+
+@njit
+def reset_zone(w: Record) -> None:
+    """Back to rest."""
+    w.counter = 0.0
+    w.fault = 0
+    w.outside = 0
+    w.pickup = 0
+    w.operate = 0
+    w.timer = 0
+
+
+@njit
+def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
+    """One sample of a zone in a disturbance: start, timer, operate."""
+    m = zone_depth(g, q, c, mask)
+    if w.pickup:
+        w.outside = w.outside + 1 if m > HYSTERESIS else 0
+        if w.outside * 8 >= g.cycle:
+            reset_zone(w)
+            return
+        w.timer += 1
+        if q.fault != 0:
+            w.fault = q.fault
+    else:
+        if q.fault != w.fault or m >= 1:
+            w.counter = 0.0
+            w.fault = q.fault
+        if m < 1:
+            w.counter += security_step(m)
+        if m >= 1 or w.counter < c.security:
+            return
+        w.pickup = 1
+        w.outside = 0
+        w.timer = 0
+    w.operate = w.timer >= (c.delay_ground if w.fault <= 3 else c.delay_phase)
+
+
+@njit
+def step(g: Record, q: Record, c: Record, w: Record) -> None:
+    """One sample of a zone; a voltage's change alone - a voltage transformer's fault, or one that does not
+    reach us - leaves it as it is."""
+    if not q.disturbed:
+        reset_zone(w)
+    elif q.fed:
+        blocked = (q.blocked_zones >> c.number) & 1
+        step_zone(g, q, c, w, 0 if blocked else q.released & c.loops & ~q.blocked_loops)
+        q.zone_started |= w.pickup
+    q.inside |= w.counter > 0
+    q.pilot |= w.pickup & c.pilot
+    publish(q, c.bit, w.pickup, w.operate)
+    if w.operate and c.trips:
+        request_trip(q, c.bit, w.fault, 0)
+
+
+def polygons(settings: RelaySettings, zone: Pdis) -> tuple[Polygon, Polygon]:
+    """Closed polygons (k, 2) of (r, x) for ground loops and for phase loops, primary ohm; empty if unused.
+
+    For people to look at: a mho is drawn self-polarized (polarized by memory or across it grows towards the
+    source behind), a quadrilateral without load flow.
+    """
+    empty = np.empty((0, 2))
+    ground, phase = _polygon(settings, zone, True), _polygon(settings, zone, False)
+    return ground if zone.loops != "phase" else empty, phase if zone.loops != "ground" else empty
+
+
+def _polygon(settings: RelaySettings, zone: Pdis, ground: bool) -> Polygon:
+    reach = reach_ohm(settings, zone)
+    if zone.characteristic == "mho":
+        turn = np.exp(2j * np.pi * np.linspace(0, 1, POINTS))
+        points = reach * turn if zone.direction == "none" else reach / 2 * (1 + turn)
+    else:
+        points = _quad(settings, zone, reach, ground)
+    if zone.direction == "reverse":
+        points = -points
+    return np.column_stack([points.real, points.imag])
+
+
+def _quad(settings: RelaySettings, zone: Pdis, reach: complex, ground: bool) -> NDArray[np.complex128]:
+    resistance = (zone.resistive_reach_ohm or 0.0) * settings.ohm_ratio
+    if ground:
+        if zone.resistive_reach_ground_ohm is not None:
+            resistance = zone.resistive_reach_ground_ohm * settings.ohm_ratio
+        # In the loop's plane a resistance to ground is divided by 1 + k0 (no infeed from the far end).
+        resistance /= abs(1 + settings.residual_compensation_factor)
+    slope = math.tan(math.radians(zone.tilt_deg))
+    along = complex(1 - slope * reach.real / reach.imag, -slope)  # the reactance line, per ohm of resistance
+    right, left = reach + resistance * along, reach - resistance * along
+    if zone.direction == "none":
+        return np.array([right, left, -right, -left, right])
+    low = -math.tan(math.radians(settings.rdir.minimum_angle_deg)) * resistance
+    border = complex(np.exp(1j * math.radians(settings.rdir.maximum_angle_deg)))
+    if _cross(left, border) > 0:  # the left blinder comes first; it goes down to the directional border
+        corners = [left, left - reach * _cross(left, border) / _cross(reach, border)]
+    else:
+        corners = [reach - along * _cross(reach, border) / _cross(along, border)]
+    return np.array([0j, complex(resistance, low), right, *corners, 0j])
+
+
+def _cross(a: complex, b: complex) -> float:
+    """Positive where b is to the left of a."""
+    return a.real * b.imag - a.imag * b.real
+
+
+def detail(on: frozenset[str]) -> str:
+    """Faulted loops - as a type where they are one - and direction of a start."""
+    loops = [loop for loop in LOOPS if f"PHS1.{loop}" in on]
+    text = "ABC" if loops == ["AB", "BC", "CA"] else " ".join(loops)
+    direction = "forward" if "RDIR1.DirFwd" in on else "reverse" if "RDIR1.DirRev" in on else ""
+    return f"{text} {direction}"
+
+
+PDIS = Function(
+    name="PDIS",
+    settings=Pdis,
+    step=step,
+    constants=(
+        ("direction", "i8"),
+        ("characteristic", "i8"),
+        ("loops", "i8"),  # mask
+        ("reach", "c16"),  # negative for reverse
+        ("k0", "c16"),
+        ("tilt", "c16"),
+        ("resistive_phase", "f8"),
+        ("resistive_ground", "f8"),
+        ("delay_phase", "i8"),
+        ("delay_ground", "i8"),
+        ("minimum_current", "f8"),
+        ("minimum_residual", "f8"),
+        ("security", "f8"),  # what the security counter must reach
+        ("trips", "i8"),
+        ("pilot", "i8"),
+    ),
+    values=values,
+    state=(
+        ("counter", "f8"),
+        ("fault", "i8"),  # the type it started with
+        ("outside", "i8"),
+        ("pickup", "i8"),
+        ("operate", "i8"),
+        ("timer", "i8"),
+    ),
+    most=MAX_ZONES,
+    detail=detail,
+    polygons=polygons,
+)

@@ -1,0 +1,269 @@
+"""What the functions share: one record of constants, and one of quantities, filled first at every sample.
+
+A function's kernel is ``step(g, q, c, w)``: ``g`` of type ``CONSTANTS`` (the same for all), ``q`` of type
+``QUANTITIES`` (measured first, and where the functions publish what others need), its own constants ``c``
+and its own state ``w``.  Functions meet only in ``q``: a later one in `faultloop.relay.functions.FUNCTIONS`
+reads what an earlier one published at the same sample, an earlier one what a later one published at the
+sample before.
+
+Phasors are complex RMS, primary, in the order va vb vc ia ib ic, against cos(2 pi f0 t).  Loops are numbered
+AG BG CG AB BC CA = 0 .. 5; a fault type is 0 for none, 1 .. 6 for one of these loops, 7 for ABC.  (Kernels
+under njit bake these numbers in.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.jit import njit
+from faultloop.relay import memory
+from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A
+
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
+
+Record = Any
+"""A NumPy structured scalar: inside a kernel its fields are attributes."""
+
+LOOPS = ("AG", "BG", "CG", "AB", "BC", "CA")
+FAULTS = ("", *LOOPS, "ABC")
+THREE_PHASE = 7
+MAX_ELEMENTS = 8
+REFERENCE_CYCLES = 1.25  # longer than the slowest estimator takes to show a disturbance
+FADE_MS = 100.0
+DEFAULT_CURRENT_A = 20.0
+
+CONSTANTS = np.dtype(
+    [
+        ("frequency", "f8"),  # nominal [Hz]
+        ("sampling", "f8"),  # [Hz]
+        ("cycle", "i8"),  # samples in a nominal cycle
+        ("snapshot", "i8"),  # samples between two snapshots of the memory
+        ("snapshots", "i8"),  # how many of the ring are used
+        ("lag", "i8"),  # how many snapshots ago the reference was taken
+        ("settling", "i8"),  # samples until the estimator is right
+        ("z1", "c16"),  # of the line [ohm]
+        ("z0", "c16"),
+        ("minimum_voltage", "f8"),  # phase to ground; below it a line is dead [V]
+        ("minimum_current", "f8"),  # below it a loop's impedance is not defined [A]
+        ("minimum_unbalance", "f8"),  # of I2 or I0 over I1
+        ("open_current", "f8"),  # a pole below it is open [A]
+        ("pickup_current", "f8"),  # a change that is a disturbance [A] ...
+        ("pickup_current_pu", "f8"),  # ... or of the load current
+        ("pickup_voltage_pu", "f8"),
+        ("memory", "i8"),  # samples for which the voltage before polarizes
+        ("fade", "i8"),  # samples in which it then fades
+    ],
+    align=True,
+)
+
+REQUEST = np.dtype(
+    [
+        ("made", "i8"),
+        ("bit", "i8"),  # of the function that wants the trip
+        ("fault", "i8"),  # the type it trips for
+        ("three_pole", "i8"),  # whatever the fault and the trip mode
+    ],
+    align=True,
+)
+
+QUANTITIES = np.dtype(
+    [
+        # measured
+        ("sample", "f8", (6,)),  # va vb vc ia ib ic, instantaneous
+        ("x", "c16", (6,)),  # phasors
+        ("frequency", "f8"),  # [Hz]; NaN while unknown
+        ("rocof", "f8"),  # [Hz/s]
+        ("loops", "f8", (12,)),  # r and x of AG BG CG AB BC CA [ohm]; NaN where not defined
+        ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
+        ("closed", "i8"),  # mask of closed poles, as reported
+        ("was_closed", "i8"),
+        ("received", "i8"),  # pilot bits from the far end
+        # the memory, and what is new against it
+        ("memory", MEMORY),
+        ("ready", "i8"),  # the memory can be relied on
+        ("disturbed", "i8"),  # there is a change against it, since memory.age samples
+        ("fed", "i8"),  # a current has changed too, and not only a voltage
+        ("d", "c16", (6,)),  # the change of the phasors, while disturbed
+        ("change", "c16", (6,)),  # its sequence components
+        # published by functions; cleared before each sample where marked *
+        ("fault", "i8"),  # PHS: the fault's type
+        ("released", "i8"),  # PHS: mask of the loops that may start
+        ("direction", "i8"),  # RDIR: 1 forward, -1 reverse, 0 unknown
+        ("polarizing", "c16"),  # RDIR: positive-sequence polarizing voltage, while disturbed
+        ("blocked_loops", "i8"),  # * mask of loops that no distance zone may use
+        ("blocked_zones", "i8"),  # * mask of distance zones, by place in the settings, that are blocked
+        ("zone_started", "i8"),  # * PDIS: a distance zone has started
+        ("inside", "i8"),  # * PDIS: the fault is inside a zone, started or not yet
+        ("started", "i8"),  # * any function has started
+        ("pilot", "i8"),  # * pilot bits to the far end
+        ("request", REQUEST),  # * the first wish of this sample to trip
+        ("poles", "i8"),  # PTRC: mask of poles to trip
+        ("close_poles", "i8"),  # mask of poles to close
+        ("notices", "i8"),  # something to tell has happened; counts on
+        ("held", "i8"),  # a trip stood when the sample came
+        ("pickup", "u8"),  # * bits
+        ("operate", "u8"),  # *
+        ("last_pickup", "u8"),  # the bits of the sample before
+        ("last_operate", "u8"),
+        ("changed", "i8"),  # samples of this block at which a bit changed
+        ("user", "f8", (MAX_ELEMENTS, 2)),  # what the user's elements said
+    ],
+    align=True,
+)
+
+
+def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
+    """The shared constants by name, in primary values and samples."""
+    relay, rdir, phs = settings.relay, settings.rdir, settings.phs
+    cycle = relay.sampling_hz / relay.frequency_hz
+    snapshot = math.ceil(MEMORY_CYCLES * cycle / SNAPSHOTS)
+    return {
+        "frequency": relay.frequency_hz,
+        "sampling": relay.sampling_hz,
+        "cycle": round(cycle),
+        "snapshot": snapshot,
+        "snapshots": math.ceil(MEMORY_CYCLES * cycle / snapshot),
+        "lag": math.ceil(REFERENCE_CYCLES * cycle / snapshot),
+        # A recursive estimator forgets its start slowly; the memory waits for a steady voltage anyway.
+        "settling": max(min(settling_samples, math.ceil(1.25 * cycle)), 1),
+        "z1": settings.z1_ohm,
+        "z0": settings.z0_ohm,
+        "minimum_voltage": _minimum_voltage(settings),
+        "minimum_current": _minimum_current(settings),
+        "minimum_unbalance": rdir.minimum_unbalance,
+        "open_current": settings.amperes(settings.ptrc.open_current_a, DEFAULT_CURRENT_A),
+        "pickup_current": settings.amperes(phs.pickup_current_a, DEFAULT_CURRENT_A / 2),
+        "pickup_current_pu": phs.pickup_current_pu,
+        "pickup_voltage_pu": phs.pickup_voltage_pu,
+        "memory": settings.samples(rdir.memory_ms),
+        "fade": max(settings.samples(FADE_MS), 1),
+    }
+
+
+def _minimum_voltage(settings: RelaySettings) -> float:
+    """A tenth of the nominal voltage, or a volt where that is not known."""
+    relay = settings.relay
+    if relay.nominal_kv is not None:
+        return 100.0 * relay.nominal_kv / math.sqrt(3)
+    return 1.0 if relay.vt_ratio is None else relay.vt_ratio
+
+
+def _minimum_current(settings: RelaySettings) -> float:
+    """The least of the zones' minimum currents [A]."""
+    given = [settings.amperes(zone.minimum_current_a, DEFAULT_CURRENT_A) for zone in settings.pdis]
+    return min(given, default=DEFAULT_CURRENT_A)
+
+
+def clear(q: NDArray[np.void]) -> None:
+    """The quantities of a relay that has seen nothing."""
+    q["closed"] = q["was_closed"] = 7
+
+
+@njit
+def sequences(x: NDArray[np.complex128], out: NDArray[np.complex128]) -> None:
+    """v0 v1 v2 i0 i1 i2 of six phasors, phase A (Fortescue)."""
+    for k in (0, 3):
+        a, b, c = x[k], x[k + 1], x[k + 2]
+        out[k] = (a + b + c) / 3
+        out[k + 1] = (a + A * b + A2 * c) / 3
+        out[k + 2] = (a + A2 * b + A * c) / 3
+
+
+@njit
+def watch_breaker(g: Record, q: Record) -> bool:
+    """A pole that opens makes a new normal: the memory starts again a cycle later, blind until then."""
+    opened = q.was_closed & ~q.closed
+    q.was_closed = q.closed
+    if opened and q.closed:
+        q.memory.blind = g.cycle
+    if q.memory.blind > 0:
+        q.memory.blind -= 1
+        q.memory.frozen = 0
+        if q.memory.blind == 0:
+            memory.fill(g, q.memory, q.x)
+    return q.memory.blind == 0
+
+
+@njit
+def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -> None:
+    """Before the functions: what was measured, the memory, the change against it; publications cleared."""
+    for k in range(6):
+        q.sample[k] = sample[k]
+        q.x[k] = complex(row[2 * k], row[2 * k + 1])
+    for k in range(12):
+        q.loops[k] = loops[k]
+    q.frequency = row[12]
+    q.rocof = row[13]
+    sequences(q.x, q.sequence)
+    ready = memory.remember(g, q.memory, q.x, q.frequency)
+    ready &= watch_breaker(g, q)
+    if ready and not q.memory.frozen and memory.differs(g, q.x, q.memory.reference):
+        memory.freeze(q.memory)
+    q.ready = ready
+    q.disturbed = 1 if ready and q.memory.frozen else 0
+    if q.disturbed:
+        for k in range(6):
+            q.d[k] = q.x[k] - q.memory.reference[k]
+        sequences(q.d, q.change)
+        q.memory.fed |= memory.current_differs(g, q.x, q.memory.reference)
+    q.fed = q.memory.fed if q.disturbed else 0
+    forget(q)
+
+
+@njit
+def forget(q: Record) -> None:
+    """Clear what the functions publish afresh at every sample."""
+    q.held = q.poles != 0
+    q.blocked_loops = 0
+    q.blocked_zones = 0
+    q.zone_started = 0
+    q.inside = 0
+    q.started = 0
+    q.pilot = 0
+    q.request.made = 0
+    q.pickup = 0
+    q.operate = 0
+
+
+@njit
+def finish(g: Record, q: Record, words: NDArray[np.uint64]) -> None:
+    """After the functions: end a disturbance that nobody needs any more; the bits of pickup and operate."""
+    if q.disturbed and not q.zone_started and not q.held:
+        memory.thaw(g, q.memory, q.x, q.frequency, q.fault, q.inside)
+    words[0] = q.pickup
+    words[1] = q.operate
+    if q.pickup != q.last_pickup or q.operate != q.last_operate:
+        q.changed += 1
+        q.last_pickup = q.pickup
+        q.last_operate = q.operate
+
+
+@njit(inline="always")
+def indicate(q: Record, bit: int, on: bool) -> None:
+    """A bit of pickup that is no start: a direction, a released loop, a blocking."""
+    q.pickup |= np.uint64(on) << np.uint64(bit)
+
+
+@njit(inline="always")
+def publish(q: Record, bit: int, started: bool, operated: bool) -> None:
+    """Start and operate of a protection function."""
+    q.started |= 1 if started else 0
+    q.pickup |= np.uint64(started) << np.uint64(bit)
+    q.operate |= np.uint64(operated) << np.uint64(bit)
+
+
+@njit
+def request_trip(q: Record, bit: int, fault: int, three_pole: int) -> None:
+    """Wish to trip for a fault of this type; the first function that asks is the one that trips."""
+    if q.request.made == 0:
+        q.request.made = 1
+        q.request.bit = bit
+        q.request.fault = fault
+    else:
+        three_pole |= q.request.three_pole
+    q.request.three_pole = three_pole
