@@ -28,12 +28,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[0] = str(ROOT)  # and not this folder, whose can.py is not python-can
 
 import numpy as np
+from faultloop.live.outcome import read_result
 
 from faultloop.io.can.frames import Frame, Measurements, Page, State, decode
 from faultloop.io.can.table import PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_reader import open_log
 from faultloop.live.merge import merge
-from faultloop.live.outcome import read_result
 from faultloop.live.supervisor import PLANT, Supervisor
 from faultloop.loop.scenario import Scenario, load_scenario
 

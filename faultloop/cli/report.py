@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from faultloop.cli.output import console, table
-from faultloop.loop.result import Result, delay_ms, pole_names
+from faultloop.loop.outcome import pole_names
+from faultloop.loop.result import Result, delay_ms
 
 if TYPE_CHECKING:  # it brings scipy.signal and pandas, 2 s that a run has no use for
     from faultloop.loop.replay import ReplayResult

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
+from faultloop.loop.outcome import pole_names
 from faultloop.loop.recording import Recorder
-from faultloop.loop.result import pole_names
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes import FOREVER, Command, breaker_node
 

@@ -11,18 +11,19 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from faultloop.errors import InputError, nearest
-from faultloop.io.can.authentication import unsealed
-from faultloop.io.can.frames import Frame, Rejection, State, decode
+from faultloop.io.can.authentication import read
+from faultloop.io.can.frames import Frame, Rejection, State
 from faultloop.io.can.table import BY_IDENTIFIER, PLANT_NODE, RELAYS, Kind
+from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.live.child import Child, ended_how
 from faultloop.live.clock import RunClock
 from faultloop.live.link import Link, open_link
 from faultloop.live.merge import merge
 from faultloop.live.nodes import ROGUES, NodeOptions, Role, bus_of, check_pace
-from faultloop.live.outcome import read_result
 from faultloop.loop.bus_faults import Edges, end_ns
 from faultloop.loop.bus_faults import describe as describe_fault
+from faultloop.loop.outcome import Outcome, outcome_of
 from faultloop.loop.pacing import Pacing, Percentiles
 from faultloop.loop.recording import Recorder, check_log_path, describe
 from faultloop.loop.result import Result
@@ -190,7 +191,7 @@ class Supervisor:
     def _log(self, t_ns: int, frame: Frame) -> None:
         self._recorder.can_frame(t_ns, frame, "rx", self._names.get(frame.id, ""))
         if frame.id & ~0xF == Kind.BREAKER_STATUS:
-            message = decode(unsealed(frame))
+            message = read(frame)
             if isinstance(message, State):
                 self.closed[message.number] = message.poles
 
@@ -379,20 +380,35 @@ def run_processes(
         supervisor.close()
         if supervisor.clock is None:  # it never began: there is nothing to keep
             shutil.rmtree(supervisor.folder, ignore_errors=True)
-    metadata, attachments = describe(checked, settings, overrides)
+    metadata, attachments = describe(checked, settings, overrides, without)
     metadata["processes"] = {"pace": f"{pace:g}", "bus": supervisor.bus, "without": " ".join(without)}
     metadata["pacing"] = {"json": json.dumps(asdict(pacing))}
     merge(supervisor.logs, path, clock.start_ns, metadata, attachments)
     shutil.rmtree(supervisor.folder)
     if supervisor.broken is not None:
         raise supervisor.broken
-    result = read_result(path, checked, time.perf_counter() - started, supervisor.locations)
-    result.interrupted = supervisor.interrupted
-    result.died = tuple(supervisor.died)
-    result.pacing = _with_reactions(pacing, result)
-    return result
+    merged = open_log(path)
+    outcome = outcome_of(merged)
+    return Result.of(
+        checked,
+        outcome,
+        log=path,
+        simulated_s=_simulated_s(merged, checked),
+        wall_s=time.perf_counter() - started,
+        bus_load=None,
+        fault_locations=supervisor.locations,
+        interrupted=supervisor.interrupted,
+        died=tuple(supervisor.died),
+        pacing=_with_reactions(pacing, outcome),
+    )
 
 
-def _with_reactions(pacing: Pacing, result: Result) -> Pacing:
-    reactions = [trip.received_ns - trip.t_ns for trip in result.trips if trip.received_ns is not None]
+def _simulated_s(log: Log, scenario: Scenario) -> float:
+    """To the end of the last sample's interval."""
+    ends = [int(log.samples(relay)["t_ns"][-1]) for relay in log.relays if len(log.samples(relay))]
+    return max(ends) / 1e9 + 1 / scenario.system.sampling_hz if ends else 0.0
+
+
+def _with_reactions(pacing: Pacing, outcome: Outcome) -> Pacing:
+    reactions = [trip.received_ns - trip.t_ns for trip in outcome.trips if trip.received_ns is not None]
     return replace(pacing, reaction=Percentiles.of(reactions, pacing.pace))

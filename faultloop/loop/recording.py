@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -227,7 +227,10 @@ def open_streams(
 
 
 def describe(
-    scenario: Scenario, settings: Mapping[str, RelaySettings], overrides: Sequence[str]
+    scenario: Scenario,
+    settings: Mapping[str, RelaySettings],
+    overrides: Sequence[str],
+    without: Iterable[str] = (),
 ) -> tuple[Metadata, Attachments]:
     """Metadata records and attachments that let somebody repeat the run from its log."""
     header = scenario.scenario
@@ -238,6 +241,7 @@ def describe(
             "frequency_hz": str(scenario.system.frequency_hz),
             "sampling_hz": str(scenario.system.sampling_hz),
             "overrides": "\n".join(overrides),
+            "without": "\n".join(without),
             "json": scenario.model_dump_json(by_alias=True),
         },
         "settings": {name: own.model_dump_json() for name, own in settings.items()},

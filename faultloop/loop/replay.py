@@ -15,8 +15,8 @@ from faultloop.io.comtrade.record import Record
 from faultloop.io.comtrade.resample import resample
 from faultloop.io.comtrade.select import SLOTS, select_channels
 from faultloop.io.mcap_reader import open_log
+from faultloop.loop.outcome import EventText, pole_names
 from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
-from faultloop.loop.result import EventText, pole_names
 from faultloop.relay import Relay, RelaySettings, load_settings
 
 if TYPE_CHECKING:

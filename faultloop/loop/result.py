@@ -4,65 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from faultloop.config.expect import Expect
-from faultloop.io.messages import POLES
+from faultloop.loop.outcome import EventText, FaultChange, Outcome, TripReport
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink
 from faultloop.loop.scenario import Scenario
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
-
-
-def pole_names(mask: int) -> str:
-    """A mask of poles as a person writes it: ``A``, ``BC``, ``ABC``."""
-    return "".join(pole for bit, pole in enumerate(POLES) if mask >> bit & 1)
-
-
-@dataclass
-class TripReport:
-    """One trip: decided by the relay at `t_ns`, received by its breaker at `received_ns` (None: never)."""
-
-    relay: str
-    function: str
-    zone: int
-    loop: str
-    poles: int
-    """Mask: A = 1, B = 2, C = 4."""
-    sample_count: int
-    t_ns: int
-    breaker: str | None
-    received_ns: int | None = None
-    opened_ns: int | None = None
-    """When the last commanded pole was open."""
-
-    @property
-    def pole_names(self) -> str:
-        return pole_names(self.poles)
-
-
-@dataclass(frozen=True)
-class FaultChange:
-    """A fault applied or removed, as the plant did it."""
-
-    fault: str
-    type: str
-    on: bool
-    t_ns: int
-
-
-@dataclass(frozen=True)
-class EventText:
-    """A line of the event list."""
-
-    t_ns: int
-    source: str
-    level: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -108,6 +61,19 @@ class Result:
     died: tuple[str, ...] = ()
     memory: MemorySink | None = field(default=None, repr=False)
     rerun: RerunSink | None = field(default=None, repr=False)
+
+    @classmethod
+    def of(cls, scenario: Scenario, outcome: Outcome, **rest: Any) -> Result:
+        """What the messages came to, judged by the scenario; `rest` is what they do not say."""
+        return cls(
+            scenario=scenario,
+            trips=outcome.trips,
+            faults=outcome.faults,
+            events=outcome.events,
+            expectations=[judge(e, outcome.trips, outcome.fault_start_ns) for e in scenario.expect],
+            can_frames=sum(outcome.can_frames.values()),
+            **rest,
+        )
 
     @property
     def held(self) -> bool:

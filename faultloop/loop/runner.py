@@ -13,9 +13,10 @@ from typing import Protocol
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import open_transport
+from faultloop.loop.outcome import Cast, Fold
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_streams
-from faultloop.loop.result import Result, judge
+from faultloop.loop.result import Result
 from faultloop.loop.scenario import AnyScenario, Scenario, load_scenario
 from faultloop.loop.simulation import Simulation
 from faultloop.relay import Relay, RelaySettings, load_settings
@@ -65,12 +66,13 @@ def run(
     relays = {name: Relay(s, name=name) for name, s in settings.items()}
     check_expectations(scenario, relays)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
-    recorder = Recorder([*sinks, *([memory] if memory else [])])
+    fold = Fold(Cast.of_scenario(scenario, without))
+    recorder = Recorder([fold, *sinks, *([memory] if memory else [])])
     with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
         # Everything that can be wrong is found before the first file is opened.
         simulation = Simulation(scenario, relays, recorder, bus, pace, without)
         started = time.perf_counter()
-        metadata, attachments = describe(scenario, settings, overrides)
+        metadata, attachments = describe(scenario, settings, overrides, without)
         start_ns = scenario.scenario.start_ns
         streams = open_streams(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
         recorder.sinks += streams.sinks
@@ -88,17 +90,12 @@ def run(
         recorder.close()
         wall_s = time.perf_counter() - started
         load = bus.load(simulation.simulated_ns)
-    fault_ns = next((change.t_ns for change in simulation.faults if change.on), None)
-    return Result(
-        scenario=scenario,
-        trips=simulation.trips,
-        faults=simulation.faults,
-        events=sorted(simulation.events, key=lambda event: event.t_ns),
-        expectations=[judge(expect, simulation.trips, fault_ns) for expect in scenario.expect],
+    return Result.of(
+        scenario,
+        fold.outcome(),
         log=None if log is None else Path(log),
         simulated_s=simulation.simulated_ns / 1e9,
         wall_s=wall_s,
-        can_frames=simulation.can_frames,
         bus_load=load,
         fault_locations={place.name: relays[place.name].fault_location for place in scenario.relay},
         interrupted=simulation.interrupted,

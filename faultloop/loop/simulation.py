@@ -15,18 +15,16 @@ from typing import Any
 import numpy as np
 
 from faultloop.config.bus_fault import BusFault
-from faultloop.config.place import RelayPlace
 from faultloop.errors import InputError, nearest
-from faultloop.io.can.authentication import unsealed
-from faultloop.io.can.frames import Frame, State, decode
+from faultloop.io.can.frames import Frame
 from faultloop.io.can.senders import Senders
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport
 from faultloop.loop.bus_faults import Edge, Edges, counted, end_ns, without_effect
 from faultloop.loop.bus_faults import describe as describe_fault
+from faultloop.loop.outcome import pole_names
 from faultloop.loop.pacing import Deadlines
 from faultloop.loop.recording import Recorder
-from faultloop.loop.result import EventText, FaultChange, TripReport, pole_names
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes import (
     FOREVER,
@@ -43,7 +41,7 @@ from faultloop.nodes import (
 )
 from faultloop.nodes.rogue import rogue_nodes
 from faultloop.plant import Plant
-from faultloop.relay import Relay, RelayInputs, Trip
+from faultloop.relay import Relay, RelayInputs
 
 SECOND_NS = 1_000_000_000
 BLOCK = 240
@@ -84,10 +82,6 @@ class Simulation:
         self.bus = bus
         self.sampling_hz = self.plant.sampling_hz
         self.total = -(-round(scenario.scenario.duration_s * 1e9) * self.sampling_hz // SECOND_NS)
-        self.trips: list[TripReport] = []
-        self.faults: list[FaultChange] = []
-        self.events: list[EventText] = []
-        self.commands: list[tuple[str, Command]] = []
         self._breaker_names = [b.name for b in scenario.breaker]
         self._relay_nodes = [self._relay_node(i) for i in range(len(scenario.relay))]
         numbers = range(len(scenario.breaker))
@@ -104,7 +98,6 @@ class Simulation:
         self._away: frozenset[str] = frozenset()  # restarting
         self._cold: list[Any] = []  # the relays' states before anything was measured
         self._seat()
-        self.can_frames = 0
         self.deadlines = Deadlines(SECOND_NS // self.sampling_hz)
         """Of the blocks, in a run that is paced."""
         self.interrupted = False
@@ -265,11 +258,9 @@ class Simulation:
                 self._record_breaker(change.t_ns, change.index, change.value, "")
                 if change.index in self._breaker_nodes:
                     self._breaker_nodes[change.index].set(t_ns, change.value)
-                self._note_opening(change.index, change.t_ns, change.value)
             else:
                 fault = self.scenario.fault[change.index]
                 on = bool(change.value)
-                self.faults.append(FaultChange(fault.name, fault.type, on, change.t_ns))
                 self.recorder.message(
                     "/plant/faults", change.t_ns, "FaultState", fault=change.index, on=on, type=fault.type
                 )
@@ -284,31 +275,16 @@ class Simulation:
                 at_ns = self._sample_ns(event.sample_count)
                 self._event(at_ns, place.name, event.level, event.text, f"/relay/{place.name}/events")
                 if event.trip is not None:
-                    self._record_trip(at_ns, place, event.sample_count, event.trip)
+                    self.recorder.trip(place.name, at_ns, event.sample_count, event.trip)
             outputs = relay.outputs
             node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
             node.measured[:14] = relay.phasors[-1]
             node.measured[14] = relay.fault_location
 
-    def _record_trip(self, t_ns: int, place: RelayPlace, sample_count: int, trip: Trip) -> None:
-        self.trips.append(
-            TripReport(
-                place.name, trip.function, trip.zone, trip.loop, trip.poles, sample_count, t_ns, place.breaker
-            )
-        )
-        self.recorder.trip(place.name, t_ns, sample_count, trip)
-
     def _record_breaker(self, t_ns: int, number: int, closed: int, command: str) -> None:
         self.recorder.breaker(self._breaker_names[number], t_ns, closed, command)
 
-    def _note_opening(self, number: int, t_ns: int, closed: int) -> None:
-        for trip in self.trips:
-            waiting = trip.received_ns is not None and trip.opened_ns is None
-            if waiting and trip.breaker == self._breaker_names[number] and not closed & trip.poles:
-                trip.opened_ns = t_ns
-
     def _event(self, t_ns: int, source: str, level: str, text: str, topic: str) -> None:
-        self.events.append(EventText(t_ns, source, level, text))
         self.recorder.event(topic, t_ns, level, text, source)
 
     # -- the bus --------------------------------------------------------------------------------------------
@@ -339,7 +315,6 @@ class Simulation:
             self._event(change.t_ns, str(change.sender), "warning", f"is {change.state}", CAN_EVENTS)
         deaf = self._deaf | self.bus.bus_off(until_ns)  # no frame is received earlier, see `_serve_bus`
         for t_ns, frame, sender in received:
-            self.can_frames += 1
             direction = "tx" if sender in self._names else "rx"
             self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
             for name, node, relay in zip(self._relay_names, self._relay_nodes, self.relays, strict=True):
@@ -364,13 +339,6 @@ class Simulation:
         relay = self.scenario.relay[command.relay].name
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
         self._event(command.t_ns, name, "info", text, f"/breaker/{name}/events")
-        if command.operation == "open":
-            self._note_received(relay, command.t_ns)
-
-    def _note_received(self, relay: str, t_ns: int) -> None:
-        for trip in self.trips:
-            if trip.relay == relay and trip.received_ns is None:
-                trip.received_ns = t_ns
 
     # -- faults on the bus ----------------------------------------------------------------------------------
 
@@ -407,15 +375,10 @@ class Simulation:
     # -- breakers that are somebody else's ------------------------------------------------------------------
 
     def _follow(self, t_ns: int, frame: Frame) -> None:
-        """Their status moves the plant; a trip for one of them is received when its frame is."""
+        """Their status moves the plant."""
         for number, follower in self._followers.items():
             for movement in follower.receive(t_ns, frame):
                 self._move(t_ns, number, movement)
-        message = decode(unsealed(frame)) if frame.id & ~0xF == Kind.TRIP else None
-        if isinstance(message, State) and message.poles:
-            place = next(iter(self.scenario.relay[message.number : message.number + 1]), None)
-            if place is not None and place.breaker in [self._breaker_names[i] for i in self._followers]:
-                self._note_received(place.name, t_ns)
 
     def _move(self, t_ns: int, number: int, movement: Movement) -> None:
         name = self._breaker_names[number]

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.io.mcap_reader import Entry, Log
+from faultloop.io.mcap_reader import Entry
 from faultloop.io.messages import CHANNELS, LOOPS, POLES
+from faultloop.loop.outcome import TripReport
 from faultloop.review.rows import RelayRows, faulted_loop, last_before, steadiest
 
 Summary = dict[str, Any]
@@ -38,49 +39,24 @@ def relay_facts(rows: RelayRows) -> dict[str, Any]:
     }
 
 
-def trip_report(
-    log: Log, trip: Entry, breaker: str | None, frames: list[tuple[int, int]], zero: int
-) -> dict[str, Any]:
-    """A trip on its way: decided, received by the breaker, poles open.
-
-    Received is what counts as the trip time: the breaker's own word (BreakerStatus with command ``open``);
-    not before the relay's trip frame was on the bus, so that two relays at one breaker are told apart.
-    Where the log has no word of a breaker, the first frame on the bus.
-    """
-    poles = "".join(pole for bit, pole in enumerate(POLES) if trip.poles >> bit & 1)
-    frame = next((t for t, mask in frames if t >= trip.t_ns and mask & trip.poles), None)
-    states = [entry for entry in log.breaker_states if entry.source == breaker]
-    since = trip.t_ns if frame is None else frame
-    command = next((e.t_ns for e in states if e.command == "open" and e.t_ns >= since), None)
-    received, by = (command, "breaker") if command is not None else (frame, "CAN frame")
-    opened = _opened(states, poles, since)
-    done = max(opened.values()) if opened and len(opened) == len(poles) else None
+def trip_report(trip: TripReport, zero: int) -> dict[str, Any]:
+    """A trip on its way: decided, received by the breaker, poles open."""
     return {
         "function": trip.function,
         "zone": trip.zone,
         "loop": trip.loop,
-        "poles": poles,
+        "poles": trip.pole_names,
         "sample_count": trip.sample_count,
         "decided_ns": trip.t_ns,
         "decided_ms": after_ms(trip.t_ns, zero),
-        "breaker": breaker,
-        "received_ns": received,
-        "received_ms": after_ms(received, zero),
-        "received_by": by if received is not None else None,
-        "opened_ns": done,
-        "opened_ms": after_ms(done, zero),
-        "poles_opened_ns": opened,
+        "breaker": trip.breaker,
+        "received_ns": trip.received_ns,
+        "received_ms": after_ms(trip.received_ns, zero),
+        "received_by": trip.received_by,
+        "opened_ns": trip.opened_ns,
+        "opened_ms": after_ms(trip.opened_ns, zero),
+        "poles_opened_ns": trip.poles_opened_ns,
     }
-
-
-def _opened(states: list[Entry], poles: str, since: int) -> dict[str, int]:
-    """When each of ``poles`` was first seen open from ``since`` on."""
-    found: dict[str, int] = {}
-    for entry in states:
-        if entry.t_ns >= since:
-            closed = closed_poles(entry)
-            found |= {pole: entry.t_ns for pole in poles if pole not in closed and pole not in found}
-    return {pole: found[pole] for pole in poles if pole in found}
 
 
 def measured(

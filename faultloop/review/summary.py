@@ -7,15 +7,14 @@ log's own; ``*_ms`` count from the fault's inception (from the start of the run 
 from __future__ import annotations
 
 import json
-from collections import Counter
 from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
-from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import FAULT_STATE, LEVELS
+from faultloop.loop.outcome import outcome_of
 from faultloop.review.relay_summary import (
     after_ms,
     closed_poles,
@@ -36,7 +35,7 @@ def summarize(log: Log) -> Summary:
     the log does not give is None; nothing is guessed in silence: ``inception["source"]`` says where time zero
     comes from.  Raises InputError where the log is damaged.
     """
-    scenario = scenario_of(log)
+    scenario, outcome = scenario_of(log), outcome_of(log)
     relays = {name: relay_rows(log, name) for name in log.relays}
     nominal_hz = _nominal_hz(log, scenario, relays)
     cycle_ns = 1e9 / nominal_hz
@@ -51,22 +50,16 @@ def summarize(log: Log) -> Summary:
         "faults": faults,
         "relays": {},
         "breakers": breakers,
-        "can": _can(log),
+        "can": {"frames": sum(outcome.can_frames.values()), "kinds": outcome.can_frames},
         "events": _events(log, zero),
     }
-    order = [place["name"] for place in scenario.get("relay", ())] or list(log.relays)
     for name, rows in relays.items():
-        trip_frames = _trip_frames(log, order.index(name) if name in order else None)
         own = {
             "line": places.get(name, {}).get("line"),
             "breaker": places.get(name, {}).get("breaker"),
             **relay_facts(rows),
         }
-        own["trips"] = [
-            trip_report(log, trip, own["breaker"], trip_frames, zero)
-            for trip in log.trips
-            if trip.source == name
-        ]
+        own["trips"] = [trip_report(trip, zero) for trip in outcome.trips if trip.relay == name]
         own |= measured(rows, summary, own, (cycle_ns, line_impedance(log, name)))
         summary["relays"][name] = own
     summary["warnings"] = _warnings(log, scenario, relays, summary)
@@ -212,27 +205,6 @@ def _breaker(log: Log, name: str, zero: int) -> dict[str, Any]:
         "finally_closed": closed_poles(states[-1]) if states else None,
         "operations": operations,
     }
-
-
-def _can(log: Log) -> dict[str, Any]:
-    kinds: Counter[str] = Counter()
-    for entry in log.can:
-        kind = None if entry.extended else BY_IDENTIFIER.get(entry.id)
-        kinds["unknown" if kind is None else kind[0].name] += 1
-    order = [*(kind.name for kind in Kind), "unknown"]
-    return {"frames": sum(kinds.values()), "kinds": {k: kinds[k] for k in order if kinds[k]}}
-
-
-def _trip_frames(log: Log, number: int | None) -> list[tuple[int, int]]:
-    """Time and poles of the trip frames of the relay of this number that open something."""
-    if number is None:
-        return []
-    return [
-        (entry.t_ns, entry.data[1] >> 4 & 7)
-        for entry in log.can
-        if entry.id == Kind.TRIP + number and not entry.extended and len(entry.data) == 8
-        if entry.data[1] >> 4 & 7
-    ]
 
 
 def _events(log: Log, zero: int) -> list[dict[str, Any]]:

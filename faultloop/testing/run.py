@@ -13,11 +13,12 @@ from typing import Any, Self
 from faultloop.config.expect import Expect
 from faultloop.config.tables import validate
 from faultloop.errors import InputError, nearest
+from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, Message, Rejection, State
-from faultloop.io.can.monitor import read
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import open_log
-from faultloop.loop.result import Result, TripReport, Verdict, judge, pole_names
+from faultloop.loop.outcome import TripReport, pole_names
+from faultloop.loop.result import Result, Verdict, judge
 from faultloop.loop.scenario import Scenario
 
 Progress = Callable[[float], None]

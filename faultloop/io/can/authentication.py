@@ -17,7 +17,8 @@ from typing import Protocol
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.cmac import CMAC
 
-from faultloop.io.can.frames import Frame, Rejection
+from faultloop.io.can.frames import Frame, Message, Rejection, decode
+from faultloop.io.can.table import BY_IDENTIFIER, STATE_KINDS
 
 KEY_BYTES = 16
 SEALED_BYTES = 32
@@ -126,3 +127,9 @@ def unsealed(frame: Frame) -> Frame:
     if frame.fd and len(frame.data) == SEALED_BYTES and not frame.extended:
         return Frame(frame.id, frame.data[:_PAYLOAD])
     return frame
+
+
+def read(frame: Frame) -> Message | Rejection:
+    """The message in a frame that was seen, also in an authenticated one, whose tag is not checked."""
+    kind, _ = BY_IDENTIFIER.get(frame.id, (None, 0))
+    return decode(unsealed(frame) if kind in STATE_KINDS else frame)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from faultloop.errors import InputError
-from faultloop.io.can.authentication import unsealed
+from faultloop.io.can.authentication import read
 from faultloop.io.can.bus import SECOND_NS
 from faultloop.io.can.dbc import message_name, sender_name
 from faultloop.io.can.frames import (
@@ -20,7 +20,6 @@ from faultloop.io.can.frames import (
     Rejection,
     SampledValues,
     State,
-    decode,
 )
 from faultloop.io.can.goose import Subscriber
 from faultloop.io.can.length import INTERMISSION, wire_length
@@ -175,12 +174,6 @@ class BusMonitor:
             # An observer that comes and goes has no clock in common with the run.
             row.subscriber, row.checked = Subscriber(max_age_ns=None, test=True), True
         return row
-
-
-def read(frame: Frame) -> Message | Rejection:
-    """The message in a frame, also of an authenticated one: without keys its tag is not checked."""
-    kind, _ = BY_IDENTIFIER.get(frame.id, (None, 0))
-    return decode(unsealed(frame) if kind in STATE_KINDS else frame)
 
 
 def rejections(row: Row) -> Counter[Rejection]:

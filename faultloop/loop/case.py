@@ -1,0 +1,117 @@
+"""Many runs without a log: what does not change from case to case is made once.
+
+    cases = Cases()
+    outcome = cases.prepare(scenario, settings).run()
+
+A case decides as `faultloop.run` does, to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from faultloop.io.can.bus import SimulatedBus
+from faultloop.io.can.transport import Transport
+from faultloop.loop.outcome import Cast, Fold, Outcome
+from faultloop.loop.recording import Recorder, Sink
+from faultloop.loop.runner import check_settings
+from faultloop.loop.scenario import Scenario
+from faultloop.loop.simulation import Simulation
+from faultloop.relay import Relay, RelaySettings, load_settings
+
+
+@dataclass
+class CaseOutcome(Outcome):
+    """What happened in a case, and what no message says.
+
+    Attributes
+    ----------
+    fault_locations : by relay, per unit of its line; NaN where none was found.
+    bus_load : part of the time in which the bus was busy, 0 to 1.
+    """
+
+    fault_locations: dict[str, float]
+    bus_load: float
+
+
+class Prepared:
+    """A case that is ready to run, as often as wanted; one at a time of the `Cases` that prepared it."""
+
+    def __init__(self, scenario: Scenario, relays: Mapping[str, _Kept]) -> None:
+        self.scenario = scenario
+        self._relays = relays
+
+    def run(self, sinks: Sequence[Sink] = ()) -> CaseOutcome:
+        """The whole case; `sinks` (`faultloop.loop.recording.MemorySink`) get its samples and estimates."""
+        scenario, can = self.scenario, self.scenario.can
+        relays = {name: kept.as_new() for name, kept in self._relays.items()}
+        bus = Transport(SimulatedBus(can.bitrate, can.data_bitrate), None, can.fd)
+        fold = Fold(Cast.of_scenario(scenario))
+        simulation = Simulation(scenario, relays, Recorder([fold, *sinks]), bus)
+        simulation.run()
+        return CaseOutcome(
+            **vars(fold.outcome()),
+            fault_locations={name: relay.fault_location for name, relay in relays.items()},
+            bus_load=bus.load(simulation.simulated_ns),
+        )
+
+
+class Cases:
+    """Makes cases ready, and keeps what they share: relays by their settings.
+
+    Not to be used by two threads at once; each has its own.
+    """
+
+    def __init__(self) -> None:
+        self._files: dict[Any, RelaySettings] = {}
+        self._relays: dict[tuple[str, str], _Kept] = {}
+
+    def prepare(self, scenario: Scenario, settings: Mapping[str, RelaySettings] | None = None) -> Prepared:
+        """A case of `scenario`.
+
+        Parameters
+        ----------
+        scenario : validated.
+        settings : by relay; of the relays that are not there, the file that the scenario names.
+
+        Raises
+        ------
+        InputError : scenario and settings do not fit.
+        """
+        given = settings or {}
+        own = {
+            place.name: given[place.name]
+            if place.name in given
+            else self._load(scenario.settings_path(place))
+            for place in scenario.relay
+        }
+        check_settings(scenario, own)
+        return Prepared(
+            scenario, {place.name: self._kept(place.name, own[place.name]) for place in scenario.relay}
+        )
+
+    def _load(self, path: Any) -> RelaySettings:
+        if path not in self._files:
+            self._files[path] = load_settings(path)
+        return self._files[path]
+
+    def _kept(self, name: str, settings: RelaySettings) -> _Kept:
+        key = (name, settings.model_dump_json())
+        if key not in self._relays:
+            self._relays[key] = _Kept(Relay(settings, name=name))
+        return self._relays[key]
+
+
+class _Kept:
+    """A relay, and how it was when it was new."""
+
+    def __init__(self, relay: Relay) -> None:
+        self._relay = relay
+        self._new = relay.save()
+
+    def as_new(self) -> Relay:
+        self._relay.restore(self._new)
+        self._relay.events = []
+        return self._relay
