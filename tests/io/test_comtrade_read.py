@@ -231,10 +231,21 @@ BAD_DAT = {
 }
 BAD_CFG = {
     "": r"a\.cfg: empty",
-    ASCII_CFG[:60]: "line 3: cannot be understood",
-    "\n".join(ASCII_CFG.splitlines()[:5]): "ends after line 5: it is cut off",
-    ASCII_CFG.replace("0.5", "half"): "line 3: cannot be understood.*half",
-    ASCII_CFG.replace("0.5", "nan"): "channel va: a, b and skew must be finite",
+    ASCII_CFG[:60]: "line 2: 2 analog and 2 status channels are due and 1 lines follow: it is cut off",
+    "\n".join(ASCII_CFG.splitlines()[:6]): "ends after line 6: it is cut off",
+    ASCII_CFG.replace("4,2A,2D", "999999,999997A,2D"): "line 2: 999997 analog and 2 status channels are due",
+    ASCII_CFG.replace("1\n1000,4", "900000\n1000,4"): "line 8: 900000 sampling rates are due",
+    ASCII_CFG.replace(
+        "2,ia,A,,A,2,0,25.5,-32767,32767,200,5,S", "2,ia"
+    ): "line 4: .*2 fields, where an analog channel has 13",
+    ASCII_CFG.replace("0.5", "half"): "line 3: cannot be understood.*a: 'half' is no number",
+    ASCII_CFG.replace(",0.5,1,", ",,1,"): "line 3: cannot be understood.*a: '' is no number",
+    ASCII_CFG.replace("0.5", "nan"): "line 3: .*a must be a finite number",
+    ASCII_CFG.replace("1000,4", "1e400,4"): "line 9: .*sampling rate must be a finite number",
+    ASCII_CFG.replace("1000,4", "inf,4"): "line 9: .*sampling rate must be a finite number",
+    ASCII_CFG.replace("1000,4", "1e12,4"): r"line 9: .*from 0 to 1e\+08 hertz",
+    ASCII_CFG.replace("1000,4", "1000,4.5"): "line 9: .*last sample: a whole number",
+    ASCII_CFG.replace("1000,4", "1000,-4"): "line 9: .*last sample: a whole number",
     ASCII_CFG.replace("ASCII", "BCD"): "'BCD': it must be one of ASCII",
     ASCII_CFG.replace("1\n1000,4", "2\n1,9\n1,3"): "each must be greater",
     ASCII_CFG.replace("1000,4", "-1000,4"): "sampling rate must be",

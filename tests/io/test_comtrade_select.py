@@ -16,7 +16,7 @@ from faultloop.io.comtrade import (
     select_channels,
 )
 from faultloop.io.comtrade.record import times_of
-from faultloop.io.comtrade.select import SLOTS, channel_table, fundamental_hz
+from faultloop.io.comtrade.select import SLOTS, fundamental_hz
 
 NAMES = ("VA", "VB", "VC", "IA", "IB", "IC")
 
@@ -95,7 +95,7 @@ def test_a_name_may_hold_what_the_mapping_uses():
     [
         ("va=VX", "va: no channel 'VX': did you mean 'V[ABC]'"),
         ("va=6", "va: no channel 6: counted from 0, the last is 5"),
-        ("va=IA", "va: channel 'IA' is in A"),
+        ("va=IA", "va: channel 'IA' is in 'A': it must be in V or kV"),
         ("vx=1", "not of the form|none of"),
         ("vx=1,va=0", "'vx=1' is none of va, vb"),
         ("va=0,va=1", "va is mapped twice"),
@@ -160,7 +160,6 @@ def test_real_records(records):
     inrush = read_comtrade(records / "transformer-inrush/transformer_inrush.cfg")
     six = select_channels(inrush, "ia=0,ib=1,ic=2")
     assert six.missing == ("va", "vb", "vc")
-    assert len(list(channel_table(inrush))) == 7
 
     automatic = select_channels(read_comtrade(records / "b-c-to-abc-110kv/two_phase_fault.cfg"))
     assert automatic.names == ("Ua", "Ub", "Uc", "Ia", "Ib", "Ic")

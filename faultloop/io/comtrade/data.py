@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError
 from faultloop.io.comtrade.config import Config
+from faultloop.io.comtrade.rows import MISSING, read_rows
 
 ASCII_MISSING = 99999
-FLOAT32_MISSING = -np.finfo(np.float32).max  # 0xFF7FFFFF
 STAMP_MISSING = 0xFFFFFFFF
-MISSING = {"BINARY": -32768, "BINARY32": -(2**31), "FLOAT32": FLOAT32_MISSING}
-ANALOG_TYPES = {"BINARY": "<i2", "BINARY32": "<i4", "FLOAT32": "<f4"}
 
 
 @dataclass(slots=True)
@@ -38,42 +36,41 @@ def read_data(content: bytes, config: Config) -> Data:
     return read(content, config)
 
 
-def row_type(config: Config) -> np.dtype:
-    """A row of a binary .dat: number, stamp, analog values, status bits in words of 16."""
-    parsed = config.parsed
-    words = -(-parsed.status_count // 16)
-    return np.dtype(
-        [
-            ("number", "<u4"),
-            ("stamp", "<u4"),
-            ("analog", ANALOG_TYPES[config.format], (parsed.analog_count,)),
-            ("status", "<u2", (words,)),
-        ]
-    )
-
-
 def _read_binary(content: bytes, config: Config) -> Data:
-    kind = row_type(config)
-    samples = _check_length(len(content) // kind.itemsize, config)
-    rows = np.frombuffer(content, kind, samples)
-    stamps = rows["stamp"].astype(float)
-    stamps[rows["stamp"] == STAMP_MISSING] = np.nan
+    rows = read_rows(content, config)
     words = np.ascontiguousarray(rows["status"].T)
-    status = [(words[i >> 4] >> (i & 15) & 1).astype(bool) for i in range(config.parsed.status_count)]
+    status = [(words[i >> 4] >> (i & 15) & 1).astype(bool) for i in range(len(config.status))]
     raw = np.ascontiguousarray(rows["analog"].T)  # one pass over the rows, then every channel is contiguous
-    analog = [_scaled(raw[i].astype(float), i, config) for i in range(config.parsed.analog_count)]
-    return Data(_numbers(rows["number"].astype(np.int64)), stamps, analog, status)
+    analog = [_scaled(raw[i].astype(float), i, config) for i in range(len(config.analog))]
+    return Data(_numbers(rows["number"].astype(np.int64)), _stamps(rows["stamp"]), analog, status)
+
+
+def _stamps(raw: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Stamps that may count from the trigger, negative before it, or go on past 2**32.
+
+    Both are one thing: the difference of two neighbours, taken as a signed number.  0xFFFFFFFF is "missing"
+    but where it is the -1 between a lower and a higher one.
+    """
+    if not len(raw):
+        return np.empty(0)
+    steps = np.diff(raw).view(np.int32).astype(np.int64)
+    first = int(raw[:1].view(np.int32)[0])
+    stamps = (first + np.concatenate([[0], np.cumsum(steps)])).astype(float)
+    rises = np.concatenate([[1], steps, [1]]) > 0
+    missing = (raw == STAMP_MISSING) & ~(rises[:-1] & rises[1:])
+    stamps[missing] = np.nan
+    return stamps
 
 
 def _read_ascii(content: bytes, config: Config) -> Data:
     import pyarrow as pa
     from pyarrow import csv
 
-    content = content.rstrip(b"\x1a\x00 \t\r\n")
+    content = content.removeprefix(b"\xef\xbb\xbf").rstrip(b"\x1a\x00 \t\r\n")
     if not content.isascii():
         place = next(i for i, byte in enumerate(content) if byte > 0x7F)
         raise InputError(f"byte {content[place]:#04x} at {place}: an ASCII .dat has none above 0x7f")
-    analog, status = config.parsed.analog_count, config.parsed.status_count
+    analog, status = len(config.analog), len(config.status)
     columns = 2 + analog + status
     names = [str(i) for i in range(columns)]
     if content:
@@ -98,7 +95,9 @@ def _read_ascii(content: bytes, config: Config) -> Data:
         raise InputError(f"not the numbers of an ASCII .dat: {str(error).splitlines()[0]}") from error
     if wrong and len(wrong) + table.num_rows >= config.samples:
         raise InputError(wrong[0])
-    samples = _check_length(table.num_rows, config)
+    if table.num_rows < config.samples:
+        raise InputError(f"cut off: {config.samples} samples expected, {table.num_rows} found")
+    samples = config.samples or table.num_rows
     values = [table.column(i).to_numpy()[:samples] for i in range(columns)]
     return Data(
         _numbers(values[0]),
@@ -106,13 +105,6 @@ def _read_ascii(content: bytes, config: Config) -> Data:
         [_scaled(np.array(values[2 + i]), i, config) for i in range(analog)],
         [np.nan_to_num(values[2 + analog + i]) != 0 for i in range(status)],
     )
-
-
-def _check_length(found: int, config: Config) -> int:
-    """The number of samples to take: as many as the .cfg says; all where it says 0."""
-    if found < config.samples:
-        raise InputError(f"cut off: {config.samples} samples expected, {found} found")
-    return config.samples or found
 
 
 def _numbers(values: NDArray) -> NDArray[np.int64]:
@@ -125,12 +117,13 @@ def _numbers(values: NDArray) -> NDArray[np.int64]:
 
 
 def _scaled(raw: NDArray[np.float64], index: int, config: Config) -> NDArray[np.float64]:
-    """a * raw + b, NaN where missing."""
-    channel = config.parsed.analog_channels[index]
-    missing = raw == _missing(config, channel.cmin)
-    raw *= channel.a
-    raw += channel.b
-    raw[missing] = np.nan
+    """a * raw + b, NaN where missing: what a recorder divides by zero is missing, too."""
+    channel = config.analog[index]
+    missing = raw == _missing(config, channel.least)
+    with np.errstate(over="ignore", invalid="ignore"):
+        raw *= channel.a
+        raw += channel.b
+    raw[missing | ~np.isfinite(raw)] = np.nan
     return raw
 
 
@@ -138,7 +131,7 @@ def _missing(config: Config, least: float) -> float:
     """The raw value that stands for none.
 
     1991 has an empty field in ASCII and FFFF in binary; that is -1, too, and an ordinary value where values
-    can be negative: so it is missing only in a channel that has no negative values.
+    can be negative: so it is missing only in a channel that is stated to have no negative values.
     """
     if config.revision != "1991":
         return ASCII_MISSING if config.format == "ASCII" else MISSING[config.format]

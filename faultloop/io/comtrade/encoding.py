@@ -12,12 +12,15 @@ _CYRILLIC = frozenset((*range(0xC0, 0x100), 0xA8, 0xB8, 0xB9))  # cp1251: letter
 def decode(data: bytes, encoding: str | None = None) -> tuple[str, str]:
     """Text and the encoding it was decoded with.
 
-    UTF-8 if it is that; GB 18030 if every run of bytes above 0x7F is valid there and most characters are
-    common ones; cp1251 if most such bytes are Cyrillic letters and stand in words of their own; else cp1252
-    (Latin), whose letters stand among ASCII ones.  A given `encoding` is used as it is.
+    UTF-16 if it begins with its mark; UTF-8 if it is that; GB 18030 if every run of bytes above 0x7F is valid
+    there and most characters are common ones; cp1251 if most such bytes are Cyrillic letters and stand in
+    words of their own; else cp1252 (Latin), whose letters stand among ASCII ones.  A given `encoding` is used
+    as it is.
     """
     if encoding is not None:
         return data.decode(encoding, errors="replace"), encoding
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return data.decode("utf-16", errors="replace"), "utf-16"
     try:
         return data.decode("utf-8-sig"), "utf-8"
     except UnicodeDecodeError:

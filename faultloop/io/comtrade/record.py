@@ -8,7 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.errors import InputError
+
 SECOND_NS = 1_000_000_000
+LONGEST_NS = 2**60
+"""36 years: what a record may last, so that its start and its end both are int64 nanoseconds."""
 
 
 class Rate(NamedTuple):
@@ -74,7 +78,7 @@ class Record:
     analog: list[AnalogChannel]
     status: list[StatusChannel] = field(default_factory=list)
     rates: tuple[Rate, ...] = ()  # empty: the times are from time stamps
-    start_ns: int = 0  # time of the first sample, as if the file's clock were UTC [ns since 1970]
+    start_ns: int = 0  # time of the first sample, as if the file's clock were UTC [ns since 1970]; 0: unknown
     trigger_ns: int = 0
     frequency_hz: float = 0.0  # nominal, as the file states it; 0 if it does not
     station: str = ""
@@ -101,7 +105,11 @@ def times_of(rates: tuple[Rate, ...], numbers: NDArray[np.int64]) -> NDArray[np.
     """Times [ns] of samples numbered from 0, from the rates; sample 0 is at 0.
 
     A sample is 1/rate after the one before, with the rate of its own stretch.  The last rate goes on.
+    Raises InputError where that makes more than 36 years.
     """
+    if len(numbers) and float(numbers[-1]) / min(rate.hz for rate in rates) > LONGEST_NS / SECOND_NS:
+        slowest = min(rate.hz for rate in rates)
+        raise InputError(f"{numbers[-1] + 1} samples at {slowest:g} Hz would take more than 36 years")
     t_ns = np.empty(len(numbers), np.int64)
     origin, origin_ns, first = 0, 0, 0  # the sample before the stretch, its time, the stretch's first sample
     for i, (hz, stop) in enumerate(rates):

@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.errors import InputError, nearest
+from faultloop.errors import InputError
+from faultloop.io.comtrade.mapping import SLOTS, Choice, parse_mapping
+from faultloop.io.comtrade.names import Label, label_of, phases_of
 from faultloop.io.comtrade.record import AnalogChannel, Rate, Record
+from faultloop.io.comtrade.units import Unit, unit_of
 
-SLOTS = ("va", "vb", "vc", "ia", "ib", "ic")
-ABSENT = "-"
+__all__ = ["SLOTS", "Overrides", "SixChannels", "fundamental_hz", "select_channels", "slots_of"]
 
-# What a unit is of, and its factor; Cyrillic letters look the same and are not.
-_PREFIXES = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3, "к": 1e3, "К": 1e3, "м": 1e-3}
-_QUANTITIES = {"V": "v", "v": "v", "В": "v", "в": "v", "A": "i", "a": "i", "А": "i", "а": "i"}
-_PHASES = {
-    label: phase
-    for phase, labels in {"a": "a an l1 1 r а", "b": "b bn l2 2 s в", "c": "c cn l3 3 t с"}.items()
-    for label in labels.split()
-}
-# A phase quantity's name: V, U or I (or the words), then the phase, and nothing that makes it another one.
-_NAME = re.compile(
-    r"^(?P<quantity>voltage|volt|current|curr|[vui])[\s_.\-]*(?P<phase>l?[123]|[abc]n?|[авс])(?![a-z0-9а-я])",
-    re.IGNORECASE,
-)
-_ASSIGNMENT = re.compile(r"(?:^|,)\s*(v[abc]|i[abc])\s*=")
+_WINDOWS = 50
+"""Of 0.2 s, that are looked at for a frequency."""
+
+
+@dataclass(frozen=True, slots=True)
+class Overrides:
+    """What a user knows better than the record, by slot (va .. ic).
+
+    ``units`` in place of the channel's own; ``scales`` from that unit to primary, in place of whatever the
+    record says of primary, secondary and ratio; ``ct_ratio`` and ``vt_ratio`` likewise for all currents and
+    voltages.
+    """
+
+    units: Mapping[str, str] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
+    ct_ratio: float | None = None
+    vt_ratio: float | None = None
+
+    def scale(self, slot: str) -> float | None:
+        return self.scales.get(slot, self.vt_ratio if slot[0] == "v" else self.ct_ratio)
 
 
 @dataclass(slots=True, eq=False)
@@ -36,7 +44,8 @@ class SixChannels:
     """va vb vc ia ib ic of a record.
 
     `values` are instantaneous primary volts and amperes, NaN where missing (a whole column where the record
-    has no such channel); `skew_s` is how much after `t_ns` each channel was sampled.
+    has no such channel); `skew_s` is how much after `t_ns` each channel was sampled.  `secondary` is by what
+    the record itself had secondary values multiplied; NaN where it had primary ones, or a user says by what.
     """
 
     t_ns: NDArray[np.int64]  # (samples,)
@@ -45,6 +54,9 @@ class SixChannels:
     names: tuple[str, ...]  # of the record's channels; empty where there is none
     skew_s: tuple[float, ...] = (0.0,) * 6
     notes: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    secondary: tuple[float, ...] = (math.nan,) * 6
+    given: tuple[bool, ...] = (False,) * 6  # a user gave unit or factor
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -52,16 +64,11 @@ class SixChannels:
         return tuple(slot for slot, name in zip(SLOTS, self.names, strict=True) if not name)
 
 
-@dataclass(frozen=True, slots=True)
-class _Choice:
-    channel: AnalogChannel
-    factor: float = 1.0
-
-
 def select_channels(
     record: Record,
     mapping: str | None = None,
     *,
+    overrides: Overrides = Overrides(),
     ct_ratio: float | None = None,
     vt_ratio: float | None = None,
     scale: str | None = None,
@@ -73,8 +80,8 @@ def select_channels(
     mapping : ``"va=..,vb=..,ic=.."``, each a channel's name or its place in the analog list counted from 0,
         with a factor if need be (``va=5*1.4142``); ``-`` for a channel that the record does not have.  What
         is not mapped is found by unit, phase and name, if there is just one channel that it can be.
-    ct_ratio, vt_ratio : if given, the record's values are taken as secondary and multiplied by these,
-        whatever the record says of itself.
+    overrides : units, factors and ratios in place of the record's own.
+    ct_ratio, vt_ratio : the same two of ``overrides``.
     scale : "P" or "S" in place of what the record says its values are.
 
     Raises
@@ -84,26 +91,44 @@ def select_channels(
     """
     if scale not in (None, "P", "S"):
         raise InputError(f"'{scale}': values are P (primary) or S (secondary)", key="scale")
-    given = _parse_mapping(record, mapping or "")
-    ratios = {"v": vt_ratio, "i": ct_ratio}
-    columns, names, skews, notes = [], [], [], []
+    if ct_ratio is not None or vt_ratio is not None:
+        overrides = replace(
+            overrides,
+            ct_ratio=ct_ratio if ct_ratio is not None else overrides.ct_ratio,
+            vt_ratio=vt_ratio if vt_ratio is not None else overrides.vt_ratio,
+        )
+    given = parse_mapping(record, mapping or "").analog
+    found = slots_of(record, overrides.units)
+    columns, names, skews, notes, secondary = [], [], [], [], []
     for slot in SLOTS:
-        choice = given[slot] if slot in given else _find(record, slot)
+        choice = given[slot] if slot in given else _only(record, slot, found)
         if choice is None:
             columns.append(np.full(len(record), np.nan))
             names.append("")
             skews.append(0.0)
+            secondary.append(math.nan)
             notes.append(f"{slot}: the record has no such channel")
             continue
-        factor, note = _to_primary(choice, slot, ratios[slot[0]], scale)
-        notes += [note] if note else []
-        columns.append(choice.channel.values * factor if factor != 1.0 else choice.channel.values)
-        names.append(choice.channel.name)
-        skews.append(choice.channel.skew_s)
+        channel = replace(choice.channel, scale=scale or choice.channel.scale)
+        unit = _unit(channel, slot, overrides.units.get(slot), notes)
+        factor, by = _to_primary(channel, slot, overrides.scale(slot))
+        factor *= choice.factor * unit.factor
+        with np.errstate(over="ignore"):
+            columns.append(channel.values * factor if factor != 1.0 else channel.values)
+        names.append(channel.name)
+        skews.append(channel.skew_s)
+        secondary.append(by)
     if not any(names):
         raise InputError(f"no voltages or currents found by themselves: {_how(record)}", key="--map")
     six = SixChannels(
-        record.t_ns, np.column_stack(columns), record.stretches, tuple(names), tuple(skews), notes
+        record.t_ns,
+        np.column_stack(columns),
+        record.stretches,
+        tuple(names),
+        tuple(skews),
+        notes,
+        secondary=tuple(secondary),
+        given=tuple(slot in overrides.units or overrides.scale(slot) is not None for slot in SLOTS),
     )
     measured = fundamental_hz(six)
     if record.frequency_hz > 0 and abs(measured - record.frequency_hz) > 0.1 * record.frequency_hz:
@@ -111,135 +136,116 @@ def select_channels(
     return six
 
 
-def fundamental_hz(six: SixChannels) -> float:
-    """Frequency of the strongest component between 40 and 70 Hz [Hz], to about 1 Hz; NaN if there is none.
+def slots_of(record: Record, units: Mapping[str, str] | None = None) -> list[tuple[str, Label]]:
+    """Per analog channel which of the six it is ("" where none), and what its name, unit and phase say.
 
-    From the first 0.2 s of the first voltage (or current) that is there: files state wrong frequencies.
+    Of a quantity whose unit a user gives, a channel's own unit does not count.
     """
-    rate, present = six.stretches[0], [i for i, name in enumerate(six.names) if name]
-    count = min(rate.stop, int(0.2 * rate.hz))
-    values = np.nan_to_num(six.values[:count, present[0]])
-    if count < 0.06 * rate.hz or rate.hz < 200 or not values.any():
-        return float("nan")
-    spectrum = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(count), 16 * count))
-    frequencies = np.fft.rfftfreq(16 * count, 1 / rate.hz)
-    within = (frequencies >= 40) & (frequencies <= 70)
-    return float(frequencies[within][np.argmax(spectrum[within])])
+    free = {slot[0] for slot in units or ()}
+    labels = [_label(channel, free) for channel in record.analog]
+    phases = {
+        quantity: phases_of(label.phase for label in labels if label.quantity == quantity)
+        for quantity in "vi"
+    }
+
+    def slot(label: Label) -> str:
+        phase = phases[label.quantity].get(label.phase) if label.is_phase else None
+        return label.quantity + phase if phase else ""
+
+    return [(slot(label), label) for label in labels]
 
 
-def _parse_mapping(record: Record, mapping: str) -> dict[str, _Choice | None]:
-    found = list(_ASSIGNMENT.finditer(mapping))
-    if not found and mapping.strip():
-        raise InputError(f"'{mapping}' is not of the form va=..,vb=..,ic=..", key="--map")
-    if found and mapping[: found[0].start()].strip():
-        raise InputError(f"'{mapping[: found[0].start()]}' is none of {', '.join(SLOTS)}", key="--map")
-    chosen: dict[str, _Choice | None] = {}
-    ends = [match.start() for match in found[1:]] + [len(mapping)]
-    for match, end in zip(found, ends, strict=False):
-        slot = match[1]
-        if slot in chosen:
-            raise InputError(f"{slot} is mapped twice", key="--map")
-        text = mapping[match.end() : end].strip()
-        chosen[slot] = None if text == ABSENT else _chosen(record, slot, text)
-    return chosen
+def _label(channel: AnalogChannel, free: set[str]) -> Label:
+    if free and unit_of(channel.unit) is None:
+        label = label_of(replace(channel, unit=""))
+        if label.quantity in free:
+            return label
+    return label_of(channel)
 
 
-def _chosen(record: Record, slot: str, text: str) -> _Choice:
-    """A name or place with an optional factor."""
-    for name, factor in ((text, 1.0), _factored(text)):
-        same = [channel for channel in record.analog if channel.name == name]
-        same = same or [channel for channel in record.analog if channel.name.lower() == name.lower()]
-        if len(same) == 1:
-            return _Choice(same[0], factor)
-        if same:
-            places = [str(i) for i, channel in enumerate(record.analog) if channel in same]
-            raise InputError(f"{slot}: {len(same)} channels are called '{name}': say which by its place, "
-                             f"{', '.join(places)}", key="--map")  # fmt: skip
-        if re.fullmatch(r"\d+", name):
-            if int(name) >= len(record.analog):
-                last = len(record.analog) - 1
-                raise InputError(
-                    f"{slot}: no channel {name}: counted from 0, the last is {last}", key="--map"
-                )
-            return _Choice(record.analog[int(name)], factor)
-    raise InputError(f"{slot}: no channel '{text}': {nearest(text, record.analog_names)}", key="--map")
-
-
-def _factored(text: str) -> tuple[str, float]:
-    name, star, factor = text.rpartition("*")
-    try:
-        return (name.strip(), float(factor)) if star else (text, 1.0)
-    except ValueError:
-        return text, 1.0
-
-
-def _find(record: Record, slot: str) -> _Choice | None:
+def _only(record: Record, slot: str, found: list[tuple[str, Label]]) -> Choice | None:
     """The one channel that can be it, or None if there is none."""
-    fitting = [channel for channel in record.analog if _slot_of(channel) == slot]
+    fitting = [channel for channel, (own, _) in zip(record.analog, found, strict=True) if own == slot]
     if len(fitting) > 1:
         names = ", ".join(repr(channel.name) for channel in fitting[:6])
-        raise InputError(f"{slot} can be any of {names}: {_how(record)}", key="--map")
-    return _Choice(fitting[0]) if fitting else None
+        more = f" and {len(fitting) - 6} more" if len(fitting) > 6 else ""
+        raise InputError(f"{slot} can be any of {names}{more}: {_how(record)}", key="--map")
+    return Choice(fitting[0]) if fitting else None
 
 
-def _slot_of(channel: AnalogChannel) -> str | None:
-    """Which of the six a channel is, by unit, phase and name; None if none, or if one cannot say."""
-    unit = _unit(channel.unit)
-    name = _NAME.match(channel.name.strip())
-    quantity = unit[0] if unit else None
-    if name is not None:
-        by_name = "i" if name["quantity"][0] in "iIcC" else "v"
-        if quantity not in (None, by_name):
-            return None
-        quantity = by_name
-    phase = _PHASES.get(channel.phase.strip().lower())
-    if phase is None and name is not None:
-        phase = _PHASES.get(name["phase"].lower())
-    return quantity + phase if quantity and phase and (unit or not channel.unit.strip()) else None
-
-
-def _unit(text: str) -> tuple[str, float] | None:
-    """What a unit is of ("v" or "i"), and its factor to volts or amperes."""
-    text = text.strip()
-    quantity = _QUANTITIES.get(text[-1:])
-    factor = _PREFIXES.get(text[:-1].strip())
-    return None if quantity is None or factor is None else (quantity, factor)
-
-
-def _to_primary(
-    choice: _Choice, slot: str, ratio: float | None, scale: str | None
-) -> tuple[float, str | None]:
-    """Factor from the file's values to primary volts or amperes, and what a user should know of it."""
-    channel, note = choice.channel, None
-    unit = _unit(channel.unit)
-    if unit is None and channel.unit.strip():
-        wanted = "V or kV" if slot[0] == "v" else "A or kA"
+def _unit(channel: AnalogChannel, slot: str, given: str | None, notes: list[str]) -> Unit:
+    """A channel's unit, or the one given for it."""
+    wanted = "V or kV" if slot[0] == "v" else "A or kA"
+    text = channel.unit.strip() if given is None else given
+    if not text:
+        notes.append(f"{slot}: channel '{channel.name}' has no unit: taken as {wanted[0]}")
+        return Unit("v" if slot[0] == "v" else "i", 1.0)
+    unit = unit_of(text)
+    if unit is None or unit.quantity != slot[0]:
+        key = "--map" if given is None else "--unit"
+        hint = f", or given with --unit {slot}={wanted[:1]}" if given is None and unit is None else ""
         raise InputError(
-            f"{slot}: channel '{channel.name}' is in '{channel.unit}': it must be in {wanted}", key="--map"
+            f"{slot}: channel '{channel.name}' is in '{text}': it must be in {wanted}{hint}", key=key
         )
-    if unit is None:
-        note = f"{slot}: channel '{channel.name}' has no unit: taken as {'V' if slot[0] == 'v' else 'A'}"
-        unit = (slot[0], 1.0)
-    if unit[0] != slot[0]:
-        raise InputError(f"{slot}: channel '{channel.name}' is in {channel.unit}", key="--map")
-    if ratio is not None:
-        return choice.factor * unit[1] * ratio, note
-    to_primary = replace(channel, scale=scale or channel.scale).to_primary
-    if np.isnan(to_primary):
+    return unit
+
+
+def _to_primary(channel: AnalogChannel, slot: str, given: float | None) -> tuple[float, float]:
+    """Factor from the file's values to primary; and the record's own ratio where that is it, else NaN."""
+    if given is not None:
+        return given, math.nan
+    to_primary = channel.to_primary
+    if math.isnan(to_primary):
         option = "vt_ratio" if slot[0] == "v" else "ct_ratio"
         raise InputError(
             f"{slot}: channel '{channel.name}' has secondary values and no ratio: give {option}", key="--map"
         )
-    return choice.factor * unit[1] * to_primary, note
+    return to_primary, to_primary if channel.scale == "S" else math.nan
+
+
+def fundamental_hz(six: SixChannels) -> float:
+    """Frequency of the strongest component between 40 and 70 Hz [Hz], to about 1 Hz; NaN if there is none.
+
+    From the first 0.2 s of the greatest voltage (or current) in which it is what there is most of: files
+    state wrong frequencies.
+    """
+    present = [i for i, name in enumerate(six.names) if name]
+    voltages = [i for i in present if i < 3] or present
+    size = np.abs(np.nan_to_num(six.values[:, voltages])).max(axis=0, initial=0.0)
+    column = six.values[:, voltages[int(np.argmax(size))]]
+    first = 0
+    for rate in six.stretches:
+        count = int(0.2 * rate.hz)
+        if rate.hz >= 200 and rate.stop - first >= 0.06 * rate.hz:
+            starts = range(first, max(rate.stop - count, first) + 1, count // 2)
+            for start in starts[:_WINDOWS]:
+                found = _strongest_hz(column[start : min(start + count, rate.stop)], rate.hz)
+                if not math.isnan(found):
+                    return found
+        first = rate.stop
+    return math.nan
+
+
+def _strongest_hz(values: NDArray[np.float64], hz: float) -> float:
+    stride = max(int(hz / 20_000), 1)
+    values, hz = np.nan_to_num(values[::stride]), hz / stride
+    with np.errstate(over="ignore", invalid="ignore"):
+        values = values - values.mean()
+        values /= np.abs(values).max(initial=0.0)
+    if not np.isfinite(values).all():  # nothing there, or nothing that can be
+        return math.nan
+    spectrum = np.abs(np.fft.rfft(values * np.hanning(len(values)), 16 * len(values)))
+    frequencies = np.fft.rfftfreq(16 * len(values), 1 / hz)
+    within = (frequencies >= 40) & (frequencies <= 70)
+    found = float(frequencies[within][np.argmax(spectrum[within])])
+    near = np.abs(frequencies - found) <= 2 * hz / len(values)  # the window's main lobe
+    share = np.sum(spectrum[near] ** 2) / np.sum(spectrum**2)
+    return found if share > 0.5 else math.nan
 
 
 def _how(record: Record) -> str:
-    return f"map the channels by name or place (0 to {len(record.analog) - 1}): --map va=..,vb=..,...,ic=.."
-
-
-def channel_table(record: Record) -> Iterable[str]:
-    """One line per analog channel, as a user needs it to write a mapping."""
-    for i, channel in enumerate(record.analog):
-        ratio = f"{channel.ratio[0]:g}/{channel.ratio[1]:g}" if channel.scale else "-"
-        about = f"{channel.unit:4} {channel.scale or '-'} {ratio:12} {_slot_of(channel) or ''}"
-        yield f"{i:4} {channel.name:32} {about}".rstrip()
+    last = len(record.analog) - 1
+    return (
+        f"map the channels by name or place (0 to {last}): --map va=..,vb=..,...,ic=..; "
+        "`faultloop channels` lists them"
+    )

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.comtrade.config import FORMATS
-from faultloop.io.comtrade.data import ANALOG_TYPES, ASCII_MISSING, MISSING
+from faultloop.io.comtrade.data import ASCII_MISSING
 from faultloop.io.comtrade.record import SECOND_NS, AnalogChannel, Record
+from faultloop.io.comtrade.rows import ANALOG_TYPES, MISSING
 
 # Greatest raw value: symmetric about zero, and the value that stands for "missing" left out.
 _FULL_SCALE = {"ASCII": 99_998, "BINARY": 2**15 - 1, "BINARY32": 2**31 - 1}
