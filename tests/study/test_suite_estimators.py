@@ -68,7 +68,7 @@ def test_the_report(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_bank_keeps_its_covariance_positive_and_finds_the_frequency() -> None:
     """200 000 samples off the nominal frequency; the turn that it holds is the deviation."""
-    from faultloop.relay.estimators.methods import kalman_bank as bank
+    from faultloop.relay.estimators.filters import offset_bank as bank
 
     estimator = make_estimator(suite.BEST, 4800, 50.0)
     state = estimator.state.copy()
@@ -77,14 +77,12 @@ def test_the_bank_keeps_its_covariance_positive_and_finds_the_frequency() -> Non
         t = np.arange(first, first + 50_000) / 4800
         cases.advance(estimator, state, cases.load_samples(t, 49.3), 0.01, rng)
         assert 50.0 + state[bank.TURN] * 4800 / (2 * np.pi) == pytest.approx(49.3, abs=0.03)
-        p = [bank.listed(state, k) for k in (bank.P00, bank.P01, bank.P02, bank.P11, bank.P12, bank.P22)]
-        matrices = np.array([[p[0], p[1], p[2]], [p[1], p[3], p[4]], [p[2], p[4], p[5]]]).transpose(2, 0, 1)
-        assert np.linalg.eigvalsh(matrices).min() > 0
+        assert np.linalg.eigvalsh(bank.model_covariances(state, 12)).min() > 0
 
 
 def test_a_dead_line_does_not_move_the_frequency() -> None:
     """Noise alone on every channel, for 4 s, after a line at 49 Hz: the frequency is held."""
-    from faultloop.relay.estimators.methods import kalman_bank as bank
+    from faultloop.relay.estimators.filters import offset_bank as bank
 
     estimator = make_estimator(suite.BEST, 4800, 50.0)
     for seed in range(3):

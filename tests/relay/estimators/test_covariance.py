@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from faultloop.relay.estimators import ROW, harmonic_filters, make_estimator, run_estimator
-from faultloop.relay.estimators.methods import adaptive_kalman, kalman_bank, rls, taylor_kalman
+from faultloop.relay.estimators.filters import offset_bank
+from faultloop.relay.estimators.methods import adaptive_kalman, rls, taylor_kalman
 
 COUNT, LONG = 50_000, 1_000_000
 BLOCK = 1000
@@ -30,10 +31,8 @@ def of_adaptive(state):
 
 
 def of_bank(state):
-    order = ("P00", "P01", "P02", "P11", "P12", "P22")
-    lists = np.array([kalman_bank.listed(state, getattr(kalman_bank, name)) for name in order])
-    voltage = packed(state[kalman_bank.VOLTAGE_P : kalman_bank.VOLTAGE_P + 3])
-    return [voltage, *(packed(p) for p in lists.T)]
+    voltage = packed(state[offset_bank.VOLTAGE_P : offset_bank.VOLTAGE_P + 3])
+    return [voltage, *offset_bank.model_covariances(state, 12)]
 
 
 def of_rls(state):
