@@ -1,36 +1,99 @@
-"""``--set KEY=VALUE``: one value of a TOML file, in place of what it says."""
+"""``KEY=VALUE``: one value of parsed TOML, set from the command line, a campaign or a script.
+
+KEY is ``table.key`` or ``array.member.key``; a member is its ``name``, or its place.  In a scenario places
+count from 0, as in a list; in relay settings from 1, as in the instances' names: ``pdis.1`` is PDIS1.
+"""
 
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from faultloop.errors import InputError, nearest
 
+SETTING_PARTS = 4
+"""``relay.NAME.table.key``: with fewer it is a key of the scenario's own ``[[relay]]``."""
+
 
 def apply_override(data: dict[str, Any], override: str) -> None:
-    """``table.key=value`` or ``array.name-or-number.key=value`` into parsed TOML, in place."""
+    """``fault.F1.resistance_ohm=5`` into a parsed scenario, in place."""
+    key, value = split_override(override)
+    set_key(data, key, value, first=0, said=override)
+
+
+def split_override(override: str) -> tuple[str, Any]:
+    """Key and value of ``KEY=VALUE``."""
     key, equals, text = override.partition("=")
-    parts = [p.strip() for p in key.split(".")]
+    parts = [part.strip() for part in key.split(".")]
     if not equals or len(parts) < 2 or not all(parts):
-        raise InputError(
-            f"'{override}' is not KEY=VALUE; KEY is table.key or array.name.key, as in fault.0.at_pu=0.5",
-            key="--set",
+        raise _error(
+            f"'{override}' is not KEY=VALUE; KEY is table.key or array.name.key, as in fault.0.at_pu=0.5"
         )
-    value = _value(text.strip())
+    return ".".join(parts), _value(text.strip())
+
+
+def setting_of(key: str, relays: Sequence[str]) -> tuple[str, str] | None:
+    """Relay and key in its settings of ``relay.RA.pdis.1.reach_pu``; None for a key of the scenario.
+
+    Parameters
+    ----------
+    key : of an override.
+    relays : names of the scenario's relays, in its order.
+    """
+    parts = key.split(".")
+    if parts[0] != "relay" or len(parts) < SETTING_PARTS:
+        return None
+    name = parts[1]
+    if name not in relays and name.isdigit() and int(name) < len(relays):
+        name = relays[int(name)]
+    if name not in relays:
+        raise _error(f"'{key}': there is no relay '{name}'; {nearest(name, list(relays))}")
+    return name, ".".join(parts[2:])
+
+
+def override_settings(data: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """Parsed relay settings with one value changed: ``pdis.1.reach_pu``; ``data`` stays as it is.
+
+    Raises
+    ------
+    InputError : no such table, or no place for the key.  Whether the value is right is the settings' affair.
+    """
+    result = _copy(data)
+    set_key(result, key, value, first=1, said=key)
+    return result
+
+
+def set_key(data: dict[str, Any], key: str, value: Any, *, first: int, said: str) -> None:
+    """Set ``key`` in parsed TOML, in place; ``first`` is the number of an array's first member."""
+    parts = key.split(".")
     here: Any = data
     for depth, part in enumerate(parts[:-1]):
+        where = ".".join(parts[:depth])
         if isinstance(here, list):
-            here = _member(here, part, ".".join(parts[:depth]), override)
+            here = _member(here, part, where, first, said)
         elif isinstance(here, dict):
+            if part not in here and parts[depth + 1].isdigit():
+                raise _error(f"'{said}': there is no [[{part}]]")
             here = here.setdefault(part, {})
         else:
-            raise InputError(f"'{override}': {'.'.join(parts[:depth])} is not a table", key="--set")
+            raise _error(f"'{said}': {where} is not a table")
+    parent = ".".join(parts[:-1])
     if isinstance(here, list):
-        raise InputError(f"'{override}': name one of {key.rpartition('.')[0]}, then its key", key="--set")
+        raise _error(f"'{said}': name one of {parent}, then its key")
     if not isinstance(here, dict):
-        raise InputError(f"'{override}': {key.rpartition('.')[0]} is not a table", key="--set")
+        raise _error(f"'{said}': {parent} is not a table")
     here[parts[-1]] = value
+
+
+def _member(items: list[Any], part: str, where: str, first: int, said: str) -> Any:
+    names = [item.get("name", "") if isinstance(item, dict) else "" for item in items]
+    if part in names:
+        return items[names.index(part)]
+    if part.isdigit() and 0 <= int(part) - first < len(items):
+        return items[int(part) - first]
+    known = [name or str(number) for number, name in enumerate(names, first)]
+    raise _error(f"'{said}': no {where} '{part}'; {nearest(part, known)}")
 
 
 def _value(text: str) -> Any:
@@ -45,13 +108,12 @@ def _value(text: str) -> Any:
         return text
 
 
-def _member(items: list[Any], part: str, where: str, override: str) -> Any:
-    names = [item.get("name", "") if isinstance(item, dict) else "" for item in items]
-    if part in names:
-        return items[names.index(part)]
-    if part.isdigit() and int(part) < len(items):
-        return items[int(part)]
-    raise InputError(
-        f"'{override}': no {where} '{part}'; {nearest(part, [n or str(i) for i, n in enumerate(names)])}",
-        key="--set",
-    )
+def _copy(value: Any) -> Any:
+    """Tables and arrays copied, values not."""
+    if isinstance(value, Mapping):
+        return {key: _copy(item) for key, item in value.items()}
+    return [_copy(item) for item in value] if isinstance(value, list) else value
+
+
+def _error(what: str) -> InputError:
+    return InputError(what, key="--set")
