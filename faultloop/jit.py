@@ -13,7 +13,8 @@ import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,17 @@ def is_warm() -> bool:
     return all((cache_root() / f"{area}-{source_digest(area)}").is_dir() for area in CLOSED)
 
 
+@contextmanager
+def cache_folder(name: str) -> Iterator[None]:
+    """What is decorated within is kept in this folder of the cache (numba chooses as it decorates)."""
+    before = config.CACHE_DIR
+    config.CACHE_DIR = str(cache_root() / name)
+    try:
+        yield
+    finally:
+        config.CACHE_DIR = before
+
+
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """``numba.njit`` with a file cache and IEEE arithmetic; ``@njit`` or ``@njit(inline="always")``."""
     options = {"cache": True, "fastmath": False, "error_model": "numpy"} | options
@@ -63,11 +75,7 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         if not options["cache"] or package != "faultloop":  # a user's own kernel: numba's own place
             return numba.njit(**options)(function)
         area = rest.partition(".")[0]
-        before = config.CACHE_DIR  # numba chooses the place when it decorates
-        config.CACHE_DIR = str(cache_root() / f"{area}-{source_digest(area)}")
-        try:
+        with cache_folder(f"{area}-{source_digest(area)}"):
             return numba.njit(**options)(function)
-        finally:
-            config.CACHE_DIR = before
 
     return decorate if function is None else decorate(function)

@@ -23,13 +23,11 @@ from faultloop.relay.quantities import Record, begin, finish
 
 
 class Block(NamedTuple):
-    """What a block of n samples brings: (n, 6) samples, (n, 14) phasors with their frequency, (n, 12) loops,
-    (n, k, 2) pickup and operate of the user's elements."""
+    """What a block of n samples brings: (n, 6) samples, (n, 14) phasors with frequency, (n, 12) loops."""
 
     samples: NDArray[np.float64]
     phasors: NDArray[np.float64]
     loops: NDArray[np.float64]
-    users: NDArray[np.float64]
 
 
 def compose(functions: Iterable[Function]) -> Callable[[Record, Record], None]:
@@ -64,9 +62,6 @@ def decide(constants: NDArray, state: NDArray, block: Block, words: NDArray[np.u
     q.changed = 0
     for n in range(words.shape[0]):
         poles, close, pilot, notices = q.poles, q.close_poles, q.pilot, q.notices
-        for k in range(block.users.shape[1]):
-            q.user[k, 0] = block.users[n, k, 0]
-            q.user[k, 1] = block.users[n, k, 1]
         begin(g, q, block.samples[n], block.phasors[n], block.loops[n])
         step_functions(c, s)
         finish(g, q, words[n])

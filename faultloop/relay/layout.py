@@ -6,6 +6,7 @@ estimator's own): a checkpoint is a copy of it.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +16,10 @@ from numpy.typing import NDArray
 from faultloop.errors import InputError
 from faultloop.relay import quantities
 from faultloop.relay.functions import FUNCTIONS
+from faultloop.relay.functions.element import ELEMENT
 from faultloop.relay.functions.function import Function
 from faultloop.relay.settings import RelaySettings
+from faultloop.relay.users import UserElement
 
 WORD = 64
 FIRST_BITS = ("PDIS", "RDIR", "PHS", "PTRC")
@@ -38,17 +41,14 @@ STATE = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """A function as it is in a relay: its table, its number from 0, its name, and where its bits begin."""
+    """A function as it is in a relay: its name, its table, its number from 0, and where its bits begin."""
 
+    name: str
     function: Function
     table: Any
     number: int
     bit: int
-
-    @property
-    def name(self) -> str:
-        """``PDIS1``, or the table's own ``name``."""
-        return getattr(self.table, "name", None) or f"{self.function.name}{self.number + 1}"
+    user: UserElement | None = None
 
     @property
     def bits(self) -> tuple[str, ...]:
@@ -56,41 +56,50 @@ class Instance:
         return tuple(f"{self.name}.{bit}" if bit else self.name for bit in self.function.bits)
 
 
-def instances(settings: RelaySettings) -> tuple[Instance, ...]:
+def instances(settings: RelaySettings, users: Sequence[UserElement] = ()) -> tuple[Instance, ...]:
     """The relay's functions in the order of their bits.  Raises InputError for more bits than there are."""
-    result, bit = [], 0
-    for function in sorted(FUNCTIONS, key=_rank):
-        for number, table in enumerate(settings.tables(function)):
-            result.append(Instance(function, table, number, bit))
-            bit += len(function.bits)
+    result: list[Instance] = []
+    bit = 0
+    for name, function, table, number, user in _in_order(settings, users):
+        if any(name == other.name for other in result):
+            what = f"the name '{name}' is taken; each element needs its own"
+            raise InputError(what, file=settings.path, key=f"element[{name}].name")
+        result.append(Instance(name, function, table, number, bit, user))
+        bit += len(function.bits)
     if bit > WORD:
         what = f"the functions have {bit} bits together, {WORD} is the most; leave some zones or stages out"
         raise InputError(what, file=settings.path)
     return tuple(result)
 
 
+def _in_order(settings: RelaySettings, users: Sequence[UserElement]) -> Iterator[tuple[Any, ...]]:
+    for function in sorted(FUNCTIONS, key=_rank):
+        if function is not ELEMENT:
+            for number, table in enumerate(settings.tables(function)):
+                yield f"{function.name}{number + 1}", function, table, number, None
+    for number, user in enumerate(users):
+        yield user.name, user.function, user.table, number, user
+
+
 def _rank(function: Function) -> int:
     """Of a function's bits; ``sorted`` keeps the order of those with the same."""
-    if function.name in FIRST_BITS:
-        return FIRST_BITS.index(function.name)
-    return len(FIRST_BITS) + (function.name == "ELEMENT")
+    return FIRST_BITS.index(function.name) if function.name in FIRST_BITS else len(FIRST_BITS)
 
 
-def bit_names(settings: RelaySettings) -> tuple[str, ...]:
-    """Name of each bit of ``pickup`` and ``operate``."""
-    return tuple(name for instance in instances(settings) for name in instance.bits)
-
-
-def constants(settings: RelaySettings, settling_samples: int) -> NDArray[np.void]:
+def constants(settings: RelaySettings, settling_samples: int, places: Sequence[Instance]) -> NDArray[np.void]:
     """The settings as one ``CONSTANTS`` record, shape (1,), in primary values and samples."""
     c = np.zeros(1, CONSTANTS)
     _fill(c["shared"][0], quantities.constants(settings, settling_samples))
-    for instance in instances(settings):
-        function, number = instance.function, instance.number
+    for place in places:
+        function, table = place.function, place.table
+        values: dict[str, Any] = {"bit": place.bit, "number": place.number}
+        if place.user is not None:
+            for key, value in values.items():
+                place.user.constants[key] = value
+            function, table = ELEMENT, settings.element[place.number]
+            values |= place.user.addresses
         c["count"][function.key] += 1
-        record = c[function.key][0, number]
-        values = function.values(settings, instance.table)
-        _fill(record, {"bit": instance.bit, "number": number, **values})
+        _fill(c[function.key][0, place.number], dict(function.values(settings, table)) | values)
     return c
 
 
@@ -105,6 +114,10 @@ def initial_state() -> NDArray[np.void]:
     s = np.zeros(1, STATE)
     quantities.clear(s["shared"])
     for function in FUNCTIONS:
-        for key, value in (function.start or {}).items():
-            s[function.key][key] = value
+        s[function.key][0] = function.initial_state(function.most)
     return s
+
+
+def record_of(state: NDArray[np.void], place: Instance) -> np.void:
+    """The state of one function: a view."""
+    return state[place.function.key][0, place.number] if place.user is None else place.user.state[0]

@@ -32,7 +32,6 @@ Record = Any
 LOOPS = ("AG", "BG", "CG", "AB", "BC", "CA")
 FAULTS = ("", *LOOPS, "ABC")
 THREE_PHASE = 7
-MAX_ELEMENTS = 8
 REFERENCE_CYCLES = 1.25  # longer than the slowest estimator takes to show a disturbance
 FADE_MS = 100.0
 DEFAULT_CURRENT_A = 20.0
@@ -45,7 +44,8 @@ CONSTANTS = np.dtype(
         ("snapshot", "i8"),  # samples between two snapshots of the memory
         ("snapshots", "i8"),  # how many of the ring are used
         ("lag", "i8"),  # how many snapshots ago the reference was taken
-        ("settling", "i8"),  # samples until the estimator is right
+        ("settling", "i8"),  # samples until the memory may begin
+        ("settled", "i8"),  # samples until the estimator has settled
         ("z1", "c16"),  # of the line [ohm]
         ("z0", "c16"),
         ("minimum_voltage", "f8"),  # phase to ground; below it a line is dead [V]
@@ -73,12 +73,13 @@ REQUEST = np.dtype(
 
 QUANTITIES = np.dtype(
     [
-        # measured
-        ("sample", "f8", (6,)),  # va vb vc ia ib ic, instantaneous
+        # measured; the first four are the 26 numbers that a plain step of the user's sees
         ("x", "c16", (6,)),  # phasors
         ("frequency", "f8"),  # [Hz]; NaN while unknown
         ("rocof", "f8"),  # [Hz/s]
         ("loops", "f8", (12,)),  # r and x of AG BG CG AB BC CA [ohm]; NaN where not defined
+        ("sample", "f8", (6,)),  # va vb vc ia ib ic, instantaneous
+        ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
         ("closed", "i8"),  # mask of closed poles, as reported
         ("was_closed", "i8"),
@@ -111,7 +112,6 @@ QUANTITIES = np.dtype(
         ("last_pickup", "u8"),  # the bits of the sample before
         ("last_operate", "u8"),
         ("changed", "i8"),  # samples of this block at which a bit changed
-        ("user", "f8", (MAX_ELEMENTS, 2)),  # what the user's elements said
     ],
     align=True,
 )
@@ -131,6 +131,7 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "lag": math.ceil(REFERENCE_CYCLES * cycle / snapshot),
         # A recursive estimator forgets its start slowly; the memory waits for a steady voltage anyway.
         "settling": max(min(settling_samples, math.ceil(1.25 * cycle)), 1),
+        "settled": settling_samples,
         "z1": settings.z1_ohm,
         "z0": settings.z0_ohm,
         "minimum_voltage": _minimum_voltage(settings),
@@ -201,6 +202,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     q.rocof = row[13]
     sequences(q.x, q.sequence)
     ready = memory.remember(g, q.memory, q.x, q.frequency)
+    q.settled = q.memory.seen > g.settled
     ready &= watch_breaker(g, q)
     if ready and not q.memory.frozen and memory.differs(g, q.x, q.memory.reference):
         memory.freeze(q.memory)

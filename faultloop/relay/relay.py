@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,17 +13,21 @@ from numpy.typing import NDArray
 from faultloop.errors import InputError
 from faultloop.relay import layout
 from faultloop.relay.chain import Block, decide
-from faultloop.relay.estimators import ROW, Estimator, make_estimator
+from faultloop.relay.estimators import ROW, Estimator, build_estimator, estimator_methods, make_estimator
 from faultloop.relay.events import Event, Names, Outputs
 from faultloop.relay.functions.function import Polygon
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
+from faultloop.relay.quantities import LOOPS
 from faultloop.relay.settings import RelaySettings
 from faultloop.relay.step import block_runner
 from faultloop.relay.texts import change_texts
-from faultloop.relay.users import OUT, WIDTH, load_elements
+from faultloop.relay.user_code import entry_point_names, load
+from faultloop.relay.users import load_elements
 
 Array = NDArray[np.float64]
 FIRST_CAPACITY = 512
+ESTIMATORS = "faultloop.estimators"
+"""Group of entry points."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +66,8 @@ class Relay:
         self.inputs = RelayInputs()
         self.estimator = estimator or _estimator(settings)
         self._elements = load_elements(settings)
-        self._constants = layout.constants(settings, self.estimator.settling_samples)
+        self._instances = layout.instances(settings, self._elements)
+        self._constants = layout.constants(settings, self.estimator.settling_samples, self._instances)
         self._state = layout.initial_state()
         self._shared = self._state["shared"][0]
         self._measure_constants, self._measure_state = _measuring(settings, self._constants["shared"][0])
@@ -69,11 +76,10 @@ class Relay:
         self._measure_bytes = self._measure_state.view(np.uint8)
         self._estimator_state = self.estimator.state.copy()
         self._estimate = block_runner(self.estimator.step)
-        self._instances = layout.instances(settings)
-        self.bits = layout.bit_names(settings)
+        self.bits = tuple(name for instance in self._instances for name in instance.bits)
         self._sources = {i.bit: (i.name, getattr(i.table, "zone", 0)) for i in self._instances}
         self._telling = {
-            i: self._state[i.function.key][0, i.number].copy() for i in self._instances if i.function.tell
+            i: layout.record_of(self._state, i).copy() for i in self._instances if i.function.tell
         }
         self.events: list[Event] = []
         self.sample_count = 0
@@ -145,58 +151,49 @@ class Relay:
     def save(self) -> Any:
         """Everything that changes while it runs."""
         rest = (self.sample_count, self._last_words, self._last_outputs, self._telling.copy(), self.inputs)
-        return (self._state_bytes.copy(), self._save_ahead(), rest)
+        own = [element.state.copy() for element in self._elements]
+        return (self._state_bytes.copy(), self._save_ahead(), own, rest)
 
     def restore(self, state: Any) -> None:
         """Go back to what `save` gave; the same samples then give the same bits."""
         self._state_bytes[:] = state[0]
         self._restore_ahead(state[1])
-        self.sample_count, self._last_words, self._last_outputs, telling, self.inputs = state[2]
+        for element, own in zip(self._elements, state[2], strict=True):
+            element.state[:] = own
+        self.sample_count, self._last_words, self._last_outputs, telling, self.inputs = state[3]
         self._telling = telling.copy()
 
-    def _save_ahead(self) -> tuple[Array, NDArray[np.uint8], list[Array]]:
-        return (
-            self._estimator_state.copy(),
-            self._measure_bytes.copy(),
-            [element.state.copy() for element in self._elements],
-        )
+    def _save_ahead(self) -> tuple[Array, NDArray[np.uint8]]:
+        return self._estimator_state.copy(), self._measure_bytes.copy()
 
-    def _restore_ahead(self, state: tuple[Array, NDArray[np.uint8], list[Array]]) -> None:
+    def _restore_ahead(self, state: tuple[Array, NDArray[np.uint8]]) -> None:
         self._estimator_state[:] = state[0]
         self._measure_bytes[:] = state[1]
-        for element, array in zip(self._elements, state[2], strict=True):
-            element.state[:] = array
 
     def _run(self, samples: Array) -> int:
         self._measure(samples)
         n = len(samples)
-        block = Block(samples, self._phasors[:n], self._loops[:n], self._users[:n])
-        return decide(self._constants, self._state, block, self._words[:n])
+        block = Block(samples, self._phasors[:n], self._loops[:n])
+        done = decide(self._constants, self._state, block, self._words[:n])
+        for element in self._elements:
+            if (error := element.error) is not None:  # whatever a user's function raises
+                what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
+                key = f"element[{element.name}].function"
+                raise InputError(what, file=self.settings.path, key=key) from error
+        return done
 
     def _measure(self, samples: Array) -> None:
         n = len(samples)
         phasors, loops = self._phasors[:n], self._loops[:n]
         self._estimate(self._estimator_state, samples, phasors)
         measure(self._measure_constants, self._measure_state, phasors, loops)
-        if self._elements:
-            rows = np.hstack([phasors, loops])
-            for k, element in enumerate(self._elements):
-                out = np.zeros((n, OUT))
-                try:
-                    element.run(element.state, rows, out)
-                except Exception as error:  # whatever a user's function raises
-                    what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
-                    key = f"element[{element.name}].function"
-                    raise InputError(what, file=self.settings.path, key=key) from error
-                self._users[:n, k] = out
 
     def _reserve(self, n: int) -> None:
         if n <= self._capacity:
             return
         self._capacity = n
         self._phasors = np.zeros((n, ROW))
-        self._loops = np.zeros((n, WIDTH - ROW))
-        self._users = np.zeros((n, len(self._elements), OUT))
+        self._loops = np.zeros((n, 2 * len(LOOPS)))
         self._words = np.zeros((n, 2), np.uint64)
 
     def _tell(self, done: int) -> None:
@@ -219,21 +216,45 @@ class Relay:
     def _tell_notices(self, sample: int) -> None:
         names = Names(sample, self.settings, self._sources)
         for instance, last in self._telling.items():
-            tell, now = instance.function.tell, self._state[instance.function.key][0, instance.number]
+            tell, now = instance.function.tell, layout.record_of(self._state, instance)
             if tell is not None:
                 self.events += tell(names, last, now)
             self._telling[instance] = now.copy()
 
 
 def _estimator(settings: RelaySettings) -> Estimator:
-    wanted = settings.estimator
+    wanted, header = settings.estimator, settings.relay
+    rates = (header.sampling_hz, float(header.frequency_hz))
     try:
-        return make_estimator(
-            wanted.method, settings.relay.sampling_hz, float(settings.relay.frequency_hz), **wanted.parameters
-        )
+        if _is_users(wanted.method):
+            return _users_estimator(settings, *rates)
+        return make_estimator(wanted.method, *rates, **wanted.parameters)
     except InputError as error:
         key = "relay.sampling_hz" if error.key == "sampling_hz" else f"estimator.{error.key or 'method'}"
         raise InputError(error.what, file=settings.path, key=key) from error
+
+
+def _users_estimator(settings: RelaySettings, sampling_hz: int, frequency_hz: float) -> Estimator:
+    wanted = settings.estimator
+    make: Any = load(wanted.method, settings.path.parent if settings.path else Path(), ESTIMATORS)
+    if not inspect.isroutine(make):
+        raise InputError(f"'{wanted.method}' is no function make(sampling_hz, frequency_hz, *, ...)")
+    try:
+        made: Any = build_estimator(make, wanted.method, sampling_hz, frequency_hz, **wanted.parameters)
+    except InputError:
+        raise
+    except Exception as error:  # whatever a user's function raises
+        raise InputError(f"'{wanted.method}' failed: {type(error).__name__}: {error}") from error
+    if not isinstance(made, Estimator):
+        raise InputError(f"'{wanted.method}' gives no Estimator but {type(made).__name__}")
+    return made
+
+
+def _is_users(method: str) -> bool:
+    """Whether a method is a file's, a module's or an installed package's, and none of the estimators here."""
+    if method in estimator_methods():
+        return False
+    return ":" in method or method in entry_point_names(ESTIMATORS)
 
 
 def _measuring(settings: RelaySettings, c: np.void) -> tuple[NDArray[np.void], NDArray[np.void]]:

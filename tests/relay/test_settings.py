@@ -34,7 +34,7 @@ def changed(path: str, value: object) -> dict:
 
 def zone_constants(settings: RelaySettings) -> np.void:
     """Of the first zone."""
-    return layout.constants(settings, 96)["pdis"][0, 0]
+    return layout.constants(settings, 96, layout.instances(settings))["pdis"][0, 0]
 
 
 def test_a_short_file_is_enough() -> None:

@@ -22,6 +22,7 @@ from faultloop.relay.estimators.base import (
     run_estimator,
 )
 from faultloop.relay.estimators.registry import (
+    build_estimator,
     estimator_methods,
     estimator_parameters,
     make_estimator,
@@ -36,6 +37,7 @@ __all__ = [
     "STEP",
     "STEP_FUNCTION",
     "Estimator",
+    "build_estimator",
     "estimator_methods",
     "estimator_parameters",
     "is_compiled",

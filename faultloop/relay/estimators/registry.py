@@ -44,7 +44,11 @@ def _maker(method: str) -> Callable[..., Estimator]:
 
 def estimator_parameters(method: str) -> dict[str, Any]:
     """Names and defaults of a method's parameters.  Raises InputError for an unknown method."""
-    given = inspect.signature(_maker(method)).parameters.values()
+    return _parameters(_maker(method))
+
+
+def _parameters(make: Callable[..., Estimator]) -> dict[str, Any]:
+    given = inspect.signature(make).parameters.values()
     return {p.name: p.default for p in given if p.kind is p.KEYWORD_ONLY}
 
 
@@ -62,8 +66,14 @@ def make_estimator(method: str, sampling_hz: int, frequency_hz: float, **paramet
     ------
     InputError : unknown method or parameter, or a value outside its limits; names the limit.
     """
-    make = _maker(method)
-    known = estimator_parameters(method)
+    return build_estimator(_maker(method), method, sampling_hz, frequency_hz, **parameters)
+
+
+def build_estimator(
+    make: Callable[..., Estimator], method: str, sampling_hz: int, frequency_hz: float, **parameters: Any
+) -> Estimator:
+    """An estimator by its maker, a user's own included; ``method`` is its name.  Raises InputError."""
+    known = _parameters(make)
     for key in parameters:
         if key not in known:
             raise InputError(f"'{method}' has no such parameter: {nearest(key, known)}", key=key)

@@ -1,41 +1,51 @@
-"""A user's own element in the chain: what it said, as bits and as a wish to trip.
+"""A user's own function in the chain: called by its address, once the estimator has settled.
 
-The element itself is a plain function, run by `faultloop.relay.users`.
+It comes after the zones and before the trip logic.  What it is and how it is found: `faultloop.relay.users`.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import Field
+import numpy as np
+from pydantic import ConfigDict, Field
 
 from faultloop.config.tables import Number, Table
 from faultloop.errors import InputError
 from faultloop.jit import njit
+from faultloop.relay.entry import call_entry
 from faultloop.relay.functions.function import Function
-from faultloop.relay.quantities import MAX_ELEMENTS, Record, publish, request_trip
+from faultloop.relay.quantities import Record, request_trip
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
+MAX_ELEMENTS = 8
 RESERVED = ("PDIS", "RDIR", "PHS", "PTRC")
 
 
 class ElementSettings(Table):
-    """``[[element]]``: a user's own element."""
+    """``[[element]]``: a user's own function, with its own parameters as further keys."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True, allow_inf_nan=False)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=32)]
-    function: Annotated[str, Field(pattern=r"^.+:[A-Za-z_][A-Za-z0-9_]*$")]
-    """``package.module:function``, or ``file.py:function`` relative to the settings file."""
+    function: Annotated[str, Field(pattern=r"^(.+:)?[A-Za-z_][A-Za-z0-9_-]*$")]
+    """``file.py:NAME`` relative to the settings file, ``package.module:NAME``, or an entry point's name."""
     state: tuple[Number, ...] = Field(default=(), strict=False, max_length=4096)
-    """What its state array starts with."""
+    """Of a plain step: what its state array starts with."""
     trip: bool = False
     """Whether its operate trips."""
 
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The function's own keys."""
+        return dict(self.model_extra or {})
+
 
 def values(settings: RelaySettings, table: ElementSettings) -> dict[str, Any]:
-    """Whether it trips."""
-    return {"trips": table.trip}
+    """Whether it trips; the addresses come from the function once it is loaded."""
+    return {"trips": table.trip, "entry": 0, "constants": 0, "state": 0}
 
 
 def check(settings: RelaySettings) -> None:
@@ -50,10 +60,11 @@ def check(settings: RelaySettings) -> None:
 
 @njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
-    """One sample; above 0.5 is on."""
-    operated = q.user[c.number, 1] > 0.5
-    publish(q, c.bit, q.user[c.number, 0] > 0.5, operated)
-    if operated and c.trips:
+    """One sample, after the estimator has settled: before, a phasor is no measurement."""
+    if not q.settled:
+        return
+    call_entry(c.entry, g, q, c.constants, c.state)
+    if c.trips and (q.operate >> np.uint64(c.bit)) & np.uint64(1):
         request_trip(q, c.bit, q.fault, 0)
 
 
@@ -61,7 +72,7 @@ ELEMENT = Function(
     name="ELEMENT",
     settings=ElementSettings,
     step=step,
-    constants=(("trips", "i8"),),
+    constants=(("trips", "i8"), ("entry", "u8"), ("constants", "u8"), ("state", "u8")),
     values=values,
     most=MAX_ELEMENTS,
     check=check,

@@ -66,7 +66,7 @@ class Function:
     step: Callable[..., None]
     constants: tuple[tuple[str, str], ...] = ()
     values: Callable[[RelaySettings, Any], Mapping[str, Any]] = no_constants
-    state: tuple[tuple[str, Any], ...] = ()
+    state: tuple[tuple[Any, ...], ...] = ()
     start: Mapping[str, Any] | None = None
     most: int = 1
     always: bool = False
@@ -91,3 +91,10 @@ class Function:
     def state_dtype(self) -> np.dtype:
         """Of ``w``."""
         return np.dtype(list(self.state) or [("unused", "i8")], align=True)
+
+    def initial_state(self, count: int) -> NDArray[np.void]:
+        """``w`` of as many instances, at the start."""
+        state = np.zeros(count, self.state_dtype)
+        for key, value in (self.start or {}).items():
+            state[key] = value
+        return state
