@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import typer
 
-from faultloop.cli import diff, export, monitor, node, recover, replay, review, run, suite
+from faultloop.cli import channels, diff, export, monitor, node, recover, replay, review, run, suite
+from faultloop.cli.terminal import prepare_streams, warn
 from faultloop.errors import InputError
 
 app = typer.Typer(
@@ -22,7 +23,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (run, node, monitor, replay, review, export, diff, recover, suite):
+for command in (run, node, monitor, replay, channels, review, export, diff, recover, suite):
     app.command(name=command.__name__.rpartition(".")[2])(command.command)
 
 
@@ -43,11 +44,12 @@ def _options(
 
 def call(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status.  Every wrong input is one line on standard error."""
+    prepare_streams()
     try:
         status = app(args=None if arguments is None else list(arguments), standalone_mode=False)
         return status if isinstance(status, int) else 0
     except InputError as error:
-        print(f"faultloop: {error}", file=sys.stderr)
+        warn(f"faultloop: {error}")
         return 2
     except KeyboardInterrupt:
         return 130
@@ -58,7 +60,7 @@ def call(arguments: Sequence[str] | None = None) -> int:
         told = getattr(error, "format_message", None)  # the parser's own word on a wrong command line
         if told is None:
             raise
-        print(f"faultloop: {told()} (see faultloop --help)", file=sys.stderr)
+        warn(f"faultloop: {told()} (see faultloop --help)")
         return 2
 
 

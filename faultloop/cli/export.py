@@ -27,6 +27,7 @@ def command(
 ) -> int:
     """Write a log, or a part of it, in another format."""
     from faultloop.cli.output import print_json
+    from faultloop.cli.terminal import say
     from faultloop.errors import InputError
     from faultloop.io.mcap_reader import open_log
 
@@ -51,5 +52,5 @@ def command(
         print_json({"written": [str(path) for path in written]})
     else:
         for path in written:
-            typer.echo(f"wrote {path}")
+            say(f"wrote {path}")
     return 0

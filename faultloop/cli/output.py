@@ -9,20 +9,31 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, Group
+from rich.console import Console, ConsoleOptions, Group, RenderableType
 from rich.progress import Progress
+from rich.segment import Segment
+from rich.table import Table
 from rich.text import Text
+
+from faultloop.cli.terminal import safe, warn
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
-from rich.table import Table
+
+
+class _SafeConsole(Console):
+    """A console whose texts are safe; its own control sequences are not text."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=safe(segment.text))
 
 
 def console() -> Console:
     """Standard output; where it is no terminal, wide enough that no table is cut."""
     # No markup: a name in a scenario may hold brackets.
-    out = Console(highlight=False, markup=False)
-    return out if out.is_terminal else Console(highlight=False, markup=False, width=160)
+    out = _SafeConsole(highlight=False, markup=False)
+    return out if out.is_terminal else _SafeConsole(highlight=False, markup=False, width=160)
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Group:
@@ -31,14 +42,14 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
     for column in columns:
         out.add_column(column.removeprefix(">"), justify="right" if column.startswith(">") else "left")
     for row in rows:
-        out.add_row(*[cell if isinstance(cell, Text) else Text(str(cell)) for cell in row])
+        out.add_row(*[cell if isinstance(cell, Text) else Text(safe(str(cell))) for cell in row])
     return Group(Text(title, style="bold"), out)
 
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[float], None] | None]:
     """A bar on standard error, fed with the part done; None where that is no terminal."""
-    err = Console(stderr=True)
+    err = _SafeConsole(stderr=True)
     if not err.is_terminal:
         yield None
         return
@@ -50,7 +61,7 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None] | None]:
 def serve(stream: RerunSink | None) -> None:
     """Keep a stream that viewers connect to alive until Ctrl-C."""
     if stream is not None and stream.url is not None:
-        print(f"serving at {stream.url}: connect with `rerun {stream.url}`; Ctrl-C ends it", file=sys.stderr)
+        warn(f"serving at {stream.url}: connect with `rerun {stream.url}`; Ctrl-C ends it")
         stream.wait()
 
 
@@ -59,7 +70,7 @@ def announce_compilation() -> None:
     from faultloop.jit import is_warm
 
     if not is_warm():
-        print("first run of this version: compiling, half a minute or so", file=sys.stderr)
+        warn("first run of this version: compiling, half a minute or so")
 
 
 def print_json(data: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -17,9 +18,25 @@ def command(
             "--map",
             metavar="va=..,vb=..",
             help="Channels by name or by place (from 0) in the analog list, with a factor where needed: "
-            "va=5*1.4142,vb=6*1.4142; of a log: relay=NAME.",
+            "va=5*1.4142,vb=6*1.4142; 52a=NAME, 52b=NAME for the breaker's position; of a log: relay=NAME.",
         ),
     ] = None,
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="va=kV", help="A unit in place of the record's own; v and i stand for all three."
+        ),
+    ] = None,
+    scale: Annotated[
+        list[str] | None,
+        typer.Option(metavar="va=2200", help="Factor to primary in place of what the record says."),
+    ] = None,
+    ct_ratio: Annotated[float | None, typer.Option(metavar="R", help="Of all currents, as 240.")] = None,
+    vt_ratio: Annotated[float | None, typer.Option(metavar="R", help="Of all voltages, as 1100.")] = None,
+    from_: Annotated[
+        float, typer.Option("--from", metavar="S", help="Play from here [s] of the record.")
+    ] = 0.0,
+    to: Annotated[float | None, typer.Option("--to", metavar="S", help="Play to here [s].")] = None,
     log: Annotated[
         Path | None, typer.Option(metavar="F.mcap", help="The log to write; default logs/RECORD-replay.mcap.")
     ] = None,
@@ -31,11 +48,26 @@ def command(
     """Play a recorded fault into a relay, as a test set does."""
     from faultloop.cli.output import announce_compilation, print_json, serve
     from faultloop.cli.report import print_replay
+    from faultloop.io.comtrade.mapping import numbers_of, parse_overrides
     from faultloop.loop.replay import replay
 
+    units = parse_overrides(unit or (), "--unit")
+    scales = numbers_of(parse_overrides(scale or (), "--scale"), "--scale")
     announce_compilation()
     path = log if log is not None else Path("logs") / f"{record.stem}-replay.mcap"
-    result = replay(record, settings, mapping=map_, log=path, rerun=rerun)
+    result = replay(
+        record,
+        settings,
+        mapping=map_,
+        unit=units,
+        scale=scales,
+        ct_ratio=ct_ratio,
+        vt_ratio=vt_ratio,
+        from_s=from_,
+        to_s=math.inf if to is None else to,
+        log=path,
+        rerun=rerun,
+    )
     if json:
         print_json(result.as_dict())
     else:

@@ -124,7 +124,10 @@ def print_replay(result: ReplayResult) -> None:
     out.print(Text(result.record.name, style="bold"), duration, sep="")
     for note in result.notes:
         out.print(note, style="dim", markup=False)
-    rows = [(f"{e.t_ns / 1e6:.2f}", e.text) for e in result.events if e.text not in result.notes]
+    for warning in result.warnings:
+        out.print(f"warning: {warning}", style="yellow", markup=False)
+    told = {*result.notes, *result.warnings}
+    rows = [(f"{e.t_ns / 1e6:.2f}", e.text) for e in result.events if e.text not in told]
     out.print(table("\nEvents", [">ms", "what"], rows))
     out.print()
     for t in result.trips:

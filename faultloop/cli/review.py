@@ -19,6 +19,7 @@ def command(
 ) -> int:
     """What happened in a log: a summary, and plots where asked for."""
     from faultloop.cli.output import console, print_json, serve
+    from faultloop.cli.terminal import say
     from faultloop.io.mcap_reader import open_log
     from faultloop.review.summary import summarize
     from faultloop.review.text import print_review
@@ -41,7 +42,7 @@ def command(
     else:
         print_review(summary, console())
         for path in written:
-            typer.echo(f"wrote {path}")
+            say(f"wrote {path}")
     if rerun is not None:
         from faultloop.io.rerun_sink import log_to_rerun
 

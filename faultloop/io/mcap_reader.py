@@ -293,6 +293,11 @@ class Log:
         return self.entries(table.FAULT_STATE)
 
     @property
+    def digital(self) -> list[Entry]:
+        """A replayed record's own digital channels: the states at the start, then the changes."""
+        return self.entries(table.RECORD_DIGITAL)
+
+    @property
     def can(self) -> list[Entry]:
         return self.entries(table.CAN_FRAME)
 

@@ -187,6 +187,18 @@ FAULT_STATE = Message(
         Field("type", "string", "", "AG BG CG AB BC CA ABG BCG CAG ABC ABCG"),
     ),
 )
+RECORD_DIGITAL = Message(
+    "RecordDigital",
+    "/record/digital",
+    "on change",
+    "A digital channel of a replayed record: every channel at the start, then every change.",
+    (
+        Field("number", "uint32", "", "place in the record's list of digital channels, from 0"),
+        Field("name", "string", "", "name in the record"),
+        Field("on", "bool", "", "its state from now on"),
+        Field("normal", "bool", "", "its state while nothing happens, as the record states it"),
+    ),
+)
 CAN_FRAME = Message(
     "CanFrame",
     "/can",
@@ -212,6 +224,7 @@ MESSAGES = (
     BREAKER_STATUS,
     FAULT_STATE,
     CAN_FRAME,
+    RECORD_DIGITAL,
 )
 SAMPLED = tuple(message for message in MESSAGES if message.every_sample)
 BY_NAME = {message.name: message for message in MESSAGES} | {

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.errors import InputError, nearest
-from faultloop.io.comtrade.read import read_comtrade
-from faultloop.io.comtrade.record import Record
-from faultloop.io.comtrade.resample import resample
-from faultloop.io.comtrade.select import SLOTS, select_channels
+from faultloop.io.comtrade.resample import sample_numbers, sample_times
 from faultloop.io.mcap_reader import open_log
 from faultloop.loop.outcome import EventText, pole_names
+from faultloop.loop.played import Choices, Played, from_comtrade, from_log
 from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
-from faultloop.relay import Relay, RelaySettings, load_settings
+from faultloop.relay import Relay, RelayInputs, RelaySettings, load_settings
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
@@ -26,15 +25,8 @@ SECOND_NS = 1_000_000_000
 BLOCK = 240
 NAME = "replay"
 """What the relay is called in the log."""
-
-
-@dataclass(frozen=True)
-class Played:
-    """What the relay is fed with: ``samples`` (n, 6) primary at its own rate, from ``start_ns`` on."""
-
-    samples: NDArray[np.float64]
-    start_ns: int
-    notes: tuple[str, ...] = ()
+BREAKER = "record"
+"""What the breaker of the record's own auxiliary contacts is called in the log."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +50,7 @@ class ReplayResult:
     trips, events : in order of time; times from the record's first sample.
     first_pickup_ns, first_operate_ns : by bit name, of those that ever were on.
     fault_location : per unit of the line; NaN where none was found.
+    notes : how the record was read and played; warnings : what makes the result doubtful.
     """
 
     record: Path
@@ -69,6 +62,7 @@ class ReplayResult:
     fault_location: float
     duration_ns: int
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
     log: Path | None
     memory: MemorySink | None = None
     rerun: RerunSink | None = None
@@ -112,6 +106,7 @@ class ReplayResult:
             "pickup_s": {name: t / 1e9 for name, t in self.first_pickup_ns.items()},
             "operate_s": {name: t / 1e9 for name, t in self.first_operate_ns.items()},
             "notes": list(self.notes),
+            "warnings": list(self.warnings),
             "events": [{"t_s": e.t_ns / 1e9, "level": e.level, "text": e.text} for e in self.events],
         }
 
@@ -121,6 +116,12 @@ def replay(
     settings: Path | str | RelaySettings,
     *,
     mapping: str | None = None,
+    unit: Mapping[str, str] | None = None,
+    scale: Mapping[str, float] | None = None,
+    ct_ratio: float | None = None,
+    vt_ratio: float | None = None,
+    from_s: float = 0.0,
+    to_s: float = math.inf,
     log: Path | str | None = None,
     rerun: str | None = None,
 ) -> ReplayResult:
@@ -130,21 +131,29 @@ def replay(
     ----------
     record : COMTRADE ``.cfg`` or ``.cff``, or a faultloop ``.mcap``.
     mapping : which channels are va, vb, vc, ia, ib, ic: ``"va=0,vb=1*1.414214,ic=IL3"``; of a log
-        ``"relay=NAME"``.  Found by the channels' phases and units where not given.
+        ``"relay=NAME"``.  Found by the channels' phases and units where not given.  ``52a=NAME`` and
+        ``52b=NAME`` (``52a_a``, ``52a_b``, ``52a_c`` of single poles) are digital channels, and make the
+        breaker's position that the relay sees.
+    unit : by slot, in place of the record's own: ``{"va": "kV"}``.
+    scale : by slot, the factor from that unit to primary, in place of what the record says: ``{"va": 2200}``.
+    ct_ratio, vt_ratio : the same for all currents and all voltages.
+    from_s, to_s : the part to play, in seconds from the record's first sample.
     log : the MCAP log to write; none if not given, and then the arrays are kept in memory.
     rerun : as for `faultloop.run`.
+
+    Where the record has nothing for a relay (a decimated stretch, samples or values left out for long), the
+    relay gets and the log has no samples; the relay starts anew after that, and `warnings` say so.
 
     Raises InputError for anything wrong with them.
     """
     record = Path(record)
     own = settings if isinstance(settings, RelaySettings) else load_settings(settings)
+    choices = Choices(mapping, unit or {}, scale or {}, ct_ratio, vt_ratio, from_s, to_s)
+    choices.check()
+    played = (from_log if record.suffix.lower() == ".mcap" else from_comtrade)(record, own, choices)
     relay = Relay(own, name=NAME)
-    if record.suffix.lower() == ".mcap":
-        played = _from_log(record, own, mapping)
-    else:
-        played = _from_comtrade(record, own, mapping)
     memory = MemorySink() if log is None else None
-    metadata, attachments = _describe(record, own, mapping)
+    metadata, attachments = _describe(record, own, choices)
     streams = open_streams(played.start_ns, log, rerun, record.stem, metadata, attachments)
     recorder = Recorder(streams.sinks)
     if memory is not None:
@@ -157,14 +166,15 @@ def replay(
         {},
         {},
         float("nan"),
-        len(played.samples) * SECOND_NS // own.relay.sampling_hz,
+        int(played.numbers[-1] + 1 - played.numbers[0]) * SECOND_NS // own.relay.sampling_hz,
         played.notes,
+        played.warnings,
         None if log is None else Path(log),
         memory,
         streams.rerun,
     )
     try:
-        _play(relay, played, recorder, result)
+        _Playing(relay, played, recorder, result).run()
     except KeyboardInterrupt:
         recorder.close()  # whole, as far as it came
         raise
@@ -175,49 +185,125 @@ def replay(
     return result
 
 
-def _play(relay: Relay, played: Played, recorder: Recorder, result: ReplayResult) -> None:
-    """The whole record, block by block."""
-    rate = relay.settings.relay.sampling_hz
-    topic = f"/relay/{NAME}/events"
-    recorder.add_relay(NAME, relay.bits, relay.characteristics())
-    for note in played.notes:
-        _tell(recorder, result, topic, 0, "info", note)
-    k, total = 0, len(played.samples)
-    while k < total:
-        block = played.samples[k : k + BLOCK]
-        m = relay.advance(block)
-        counts = np.arange(k, k + m)
-        t_ns = counts * SECOND_NS // rate
-        recorder.relay_block(
-            NAME, t_ns, counts, block[:m], relay.phasors, relay.loops, relay.pickup, relay.operate
+@dataclass
+class _Playing:
+    """A record on its way through a relay."""
+
+    relay: Relay
+    played: Played
+    recorder: Recorder
+    result: ReplayResult
+    told: int = 0  # of the record's digital changes
+    moved: int = 0  # of its breaker's
+    closed: int = 7
+    _cold: Any = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._cold = self.relay.save()
+        hz = self.rate = self.relay.settings.relay.sampling_hz
+        moves = np.array([t_ns for t_ns, _ in self.played.closed], np.int64)
+        self._moves = sample_numbers(moves, hz)  # the first sample that is not before the change
+
+    def run(self) -> None:
+        """Piece by piece; the relay remembers nothing of what was before a gap."""
+        self.recorder.add_relay(NAME, self.relay.bits, self.relay.characteristics())
+        begin_ns = self._t_ns(int(self.played.numbers[0]))
+        for note in self.played.notes:
+            self._tell(begin_ns, "info", note)
+        for warning in self.played.warnings:
+            self._tell(begin_ns, "warning", warning)
+        for first, stop in self.played.pieces:
+            number = int(self.played.numbers[first])
+            self.relay.restore(self._cold)
+            self.relay.sample_count = number
+            if first:
+                self._tell(self._t_ns(number), "info", "samples again: the relay starts anew")
+            self._play(first, stop)
+            self.result.fault_location = _either(self.relay.fault_location, self.result.fault_location)
+        self._digital_until(2**63 - 1)
+
+    def _play(self, first: int, stop: int) -> None:
+        """One piece, block by block."""
+        numbers, samples = self.played.numbers, self.played.samples
+        turn = self._turn(int(numbers[first]))
+        k = first
+        while k < stop:
+            self._move_breaker(int(numbers[k]))
+            last = min(k + BLOCK, stop)
+            if self.moved < len(self._moves):
+                last = min(last, k + int(self._moves[self.moved] - numbers[k]))
+            block = samples[k:last]
+            m = self.relay.advance(block)
+            t_ns = sample_times(numbers[k : k + m], self.rate)
+            self._digital_until(int(t_ns[-1]))
+            self._record(t_ns, numbers[k : k + m], block[:m], turn)
+            k += m
+
+    def _record(
+        self, t_ns: NDArray[np.int64], numbers: NDArray[np.int64], samples: NDArray[np.float64], turn: complex
+    ) -> None:
+        relay, result = self.relay, self.result
+        phasors = relay.phasors
+        if turn != 1:
+            phasors = phasors.copy()
+            phasors[:, :12].view(np.complex128)[...] *= turn
+        self.recorder.relay_block(
+            NAME, t_ns, numbers, samples, phasors, relay.loops, relay.pickup, relay.operate
         )
         _first_times(relay.bits, relay.pickup, t_ns, result.first_pickup_ns)
         _first_times(relay.bits, relay.operate, t_ns, result.first_operate_ns)
         for event in relay.events:
-            at_ns = event.sample_count * SECOND_NS // rate
-            _tell(recorder, result, topic, at_ns, event.level, event.text)
+            at_ns = self._t_ns(event.sample_count)
+            self._tell(at_ns, event.level, event.text)
             if event.trip is not None:
                 t = event.trip
                 result.trips.append(
                     ReplayTrip(t.function, t.zone, t.loop, t.poles, event.sample_count, at_ns)
                 )
-                recorder.message(
-                    f"/relay/{NAME}/trips",
-                    at_ns,
-                    "Trip",
-                    function=t.function,
-                    zone=t.zone,
-                    loop=t.loop,
-                    poles=t.poles,
-                    sample_count=event.sample_count,
-                )
-        k += m
-    result.fault_location = relay.fault_location
+                self.recorder.trip(NAME, at_ns, event.sample_count, t)
+
+    def _turn(self, number: int) -> complex:
+        """What turns the phasors of a relay that starts at this sample to the record's first as reference.
+
+        An estimator counts from the first sample that it sees.
+        """
+        beats = number * int(self.relay.settings.relay.frequency_hz) % self.rate
+        return complex(np.exp(-2j * np.pi * beats / self.rate)) if beats else 1.0
+
+    def _move_breaker(self, number: int) -> None:
+        """The breaker's position at a sample, by the record's own contacts."""
+        while self.moved < len(self._moves) and self._moves[self.moved] <= number:
+            t_ns, self.closed = self.played.closed[self.moved]
+            self.recorder.breaker(BREAKER, t_ns, self.closed, "")
+            self.moved += 1
+        self.relay.inputs = RelayInputs(breaker_closed=self.closed)
+
+    def _digital_until(self, t_ns: int) -> None:
+        changes = self.played.digital
+        while self.told < len(changes) and changes[self.told].t_ns <= t_ns:
+            change = changes[self.told]
+            self.recorder.message(
+                "/record/digital",
+                change.t_ns,
+                "RecordDigital",
+                number=change.number,
+                name=change.name,
+                on=change.on,
+                normal=change.normal,
+            )
+            self.told += 1
+
+    def _t_ns(self, number: int) -> int:
+        return int(sample_times(np.array([number]), self.rate)[0])
+
+    def _tell(self, t_ns: int, level: str, text: str) -> None:
+        self.result.events.append(EventText(t_ns, NAME, level, text))
+        self.recorder.event(f"/relay/{NAME}/events", t_ns, level, text, NAME)
 
 
-def _tell(recorder: Recorder, result: ReplayResult, topic: str, t_ns: int, level: str, text: str) -> None:
-    result.events.append(EventText(t_ns, NAME, level, text))
-    recorder.event(topic, t_ns, level, text, NAME)
+def _either(found: float, before: float) -> float:
+    """The later location of a fault; of a piece that had none, the one before."""
+    return before if math.isnan(found) else found
 
 
 def _first_times(
@@ -230,66 +316,11 @@ def _first_times(
             first[name] = int(t_ns[np.argmax(words >> np.uint64(place) & np.uint64(1))])
 
 
-def _from_log(record: Path, settings: RelaySettings, mapping: str | None) -> Played:
-    """A relay's samples out of a log; its rate must be the relay's own."""
-    opened = open_log(record)
-    name = opened.relays[0] if len(opened.relays) == 1 else None
-    if mapping is not None:
-        key, _, name = mapping.partition("=")
-        if key.strip() != "relay" or not name:
-            raise InputError(f"of a log say relay=NAME, not '{mapping}'", key="--map")
-        name = name.strip()
-    if name is None:
-        raise InputError(
-            f"which relay's samples? say --map relay=NAME with one of {', '.join(opened.relays) or 'none'}",
-            file=record,
-        )
-    if name not in opened.relays:
-        raise InputError(f"no relay '{name}'; {nearest(name, opened.relays)}", file=record, key="--map")
-    rows = opened.samples(name)
-    if len(rows) < 2:
-        raise InputError(f"relay '{name}' has {len(rows)} samples; at least 2 are needed", file=record)
-    span = int(rows["t_ns"][-1] - rows["t_ns"][0])
-    rate = round((len(rows) - 1) * SECOND_NS / span) if span > 0 else 0
-    if rate != settings.relay.sampling_hz:
-        raise InputError(
-            f"is {settings.relay.sampling_hz}, but relay '{name}' of {record.name} was sampled at {rate}",
-            file=settings.path,
-            key="relay.sampling_hz",
-        )
-    samples = np.column_stack([rows[channel] for channel in ("va", "vb", "vc", "ia", "ib", "ic")])
-    return Played(samples, opened.start_ns + int(rows["t_ns"][0]))
-
-
-def _describe(record: Path, settings: RelaySettings, mapping: str | None) -> tuple[Metadata, Attachments]:
+def _describe(record: Path, settings: RelaySettings, choices: Choices) -> tuple[Metadata, Attachments]:
     """What lets somebody repeat the replay from its log."""
     metadata = {
-        "replay": {"record": record.name, "map": mapping or ""},
+        "replay": {"record": record.name, **choices.as_metadata()},
         "settings": {NAME: settings.model_dump_json()},
         "versions": versions(),
     }
     return metadata, {f"{NAME}.settings.toml": settings.text} if settings.text else {}
-
-
-def _from_comtrade(record: Path, settings: RelaySettings, mapping: str | None) -> Played:
-    """Six channels of a COMTRADE record on the relay's own clock, in primary volts and amperes.
-
-    Where the record is secondary and does not state its ratios, the settings' ratios are taken.
-    """
-    read = read_comtrade(record)
-    ct_ratio = vt_ratio = None
-    if settings.relay.ohms == "secondary" and not _states_ratios(read):
-        ct_ratio, vt_ratio = settings.relay.ct_ratio, settings.relay.vt_ratio
-    try:
-        six = select_channels(read, mapping, ct_ratio=ct_ratio, vt_ratio=vt_ratio)
-        six = resample(six, settings.relay.sampling_hz)
-    except InputError as error:
-        raise error.within(record) from None
-    names = ", ".join(f"{slot} = {name}" for slot, name in zip(SLOTS, six.names, strict=True) if name)
-    stretches = ", then ".join(f"{stretch.hz:g}" for stretch in read.stretches)
-    notes = [f"channels: {names}", f"sampled at {stretches} Hz, played at {settings.relay.sampling_hz} Hz"]
-    return Played(six.values, read.start_ns, (*notes, *six.notes))
-
-
-def _states_ratios(record: Record) -> bool:
-    return all(channel.scale != "S" or channel.to_primary == channel.to_primary for channel in record.analog)

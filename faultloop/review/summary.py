@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.io.mcap_reader import Log
+from faultloop.io.mcap_reader import Entry, Log
 from faultloop.io.messages import FAULT_STATE, LEVELS
 from faultloop.loop.outcome import outcome_of
 from faultloop.review.relay_summary import (
@@ -26,14 +26,16 @@ from faultloop.review.relay_summary import (
 from faultloop.review.rows import RelayRows, change_before, relay_rows
 
 Summary = dict[str, Any]
+RECORD = "record"
+"""What a replayed record is called, as the source of an event and as a breaker."""
 
 
 def summarize(log: Log) -> Summary:
     """Everything that ``faultloop review`` says of a log, as plain dicts, lists, numbers, texts and None.
 
-    Keys: log, inception, faults, relays (by name), breakers (by name), can, events, warnings.  A value that
-    the log does not give is None; nothing is guessed in silence: ``inception["source"]`` says where time zero
-    comes from.  Raises InputError where the log is damaged.
+    Keys: log, inception, faults, relays (by name), breakers (by name), can, events, digital, warnings.  A
+    value that the log does not give is None; nothing is guessed in silence: ``inception["source"]`` says
+    where time zero comes from.  Raises InputError where the log is damaged.
     """
     scenario, outcome = scenario_of(log), outcome_of(log)
     relays = {name: relay_rows(log, name) for name in log.relays}
@@ -52,6 +54,7 @@ def summarize(log: Log) -> Summary:
         "breakers": breakers,
         "can": {"frames": sum(outcome.can_frames.values()), "kinds": outcome.can_frames},
         "events": _events(log, zero),
+        "digital": _digital(log, zero),
     }
     for name, rows in relays.items():
         own = {
@@ -208,7 +211,18 @@ def _breaker(log: Log, name: str, zero: int) -> dict[str, Any]:
 
 
 def _events(log: Log, zero: int) -> list[dict[str, Any]]:
-    return [
+    """What nodes and relays said, and what a replayed record's own digital channels did, by time."""
+    changes = [
+        {
+            "t_ns": entry.t_ns,
+            "ms": after_ms(entry.t_ns, zero),
+            "source": RECORD,
+            "level": "INFO",
+            "text": f"{entry.name} {'on' if entry.on else 'off'}",
+        }
+        for entry in _digital_changes(log)
+    ]
+    told = [
         {
             "t_ns": entry.t_ns,
             "ms": after_ms(entry.t_ns, zero),
@@ -218,6 +232,33 @@ def _events(log: Log, zero: int) -> list[dict[str, Any]]:
         }
         for entry in log.events
     ]
+    return sorted(told + changes, key=lambda event: event["t_ns"])
+
+
+def _digital_changes(log: Log) -> list[Entry]:
+    """The changes of a replayed record's digital channels, without the states at the beginning."""
+    known: set[int] = set()
+    changes = []
+    for entry in log.digital:
+        if entry.number in known:
+            changes.append(entry)
+        known.add(entry.number)
+    return changes
+
+
+def _digital(log: Log, zero: int) -> list[dict[str, Any]]:
+    """A replayed record's digital channels that changed: when each was on; an end of None is the log's."""
+    changed = {entry.number for entry in _digital_changes(log)}
+    found: dict[int, dict[str, Any]] = {}
+    for entry in log.digital:
+        if entry.number not in changed:
+            continue
+        spans = found.setdefault(entry.number, {"name": entry.name, "on_ms": []})["on_ms"]
+        if entry.on:
+            spans.append([after_ms(entry.t_ns, zero), None])
+        elif spans:
+            spans[-1][1] = after_ms(entry.t_ns, zero)
+    return list(found.values())
 
 
 # -- what a reader should be warned of -------------------------------------------------------------------

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.review.rows import RelayRows
+from faultloop.review.summary import RECORD
 
 Summary = dict[str, Any]
 Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
-Kind = Literal["fault", "forward", "reverse", "start", "operate", "A", "B", "C"]
+Kind = Literal["fault", "forward", "reverse", "start", "operate", "record", "A", "B", "C"]
 
 # Phases and loops, apart from each other for the colour-blind too (Okabe and Ito 2008).
 PHASE_COLOURS = {"A": "#D55E00", "B": "#009E73", "C": "#0072B2"}
@@ -22,12 +23,18 @@ LOOP_COLOURS = {
 }  # fmt: skip
 KIND_COLOURS: dict[Kind, str] = {
     "fault": "#222222", "forward": "#8FA3B5", "reverse": "#D9B8C4", "start": "#9DB4D0", "operate": "#26436B",
+    "record": "#8C7A4F",
     "A": PHASE_COLOURS["A"], "B": PHASE_COLOURS["B"], "C": PHASE_COLOURS["C"],
 }  # fmt: skip
 KIND_NAMES: dict[Kind, str] = {
     "fault": "applied", "forward": "forward", "reverse": "reverse", "start": "start", "operate": "operate",
+    "record": "of the record",
     "A": "pole A open", "B": "pole B open", "C": "pole C open",
 }  # fmt: skip
+
+
+DIGITAL_ROWS = 16
+"""Of a record's digital channels, of which some have hundreds."""
 
 
 @dataclass(frozen=True)
@@ -173,11 +180,23 @@ def _timeline(rows: RelayRows, summary: Summary, end_ms: float) -> list[Timeline
     for label in sorted(found, key=_place):
         bars = sorted(found[label], key=lambda bar: bar.kind == "operate")  # operate over start
         timeline.append(TimelineRow(label, bars))
-    breaker = summary["relays"][rows.name]["breaker"]
+    timeline += _digital(summary, end_ms)
+    breaker = summary["relays"][rows.name]["breaker"] or RECORD
     if breaker in summary["breakers"]:
         bars = _open_poles(summary["breakers"][breaker], end_ms)
         timeline.append(TimelineRow(breaker, bars))
     return timeline
+
+
+def _digital(summary: Summary, end_ms: float) -> list[TimelineRow]:
+    """A replayed record's own digital channels, those that changed first."""
+    rows = []
+    for channel in summary["digital"][:DIGITAL_ROWS]:
+        bars = [
+            Bar(on, end_ms if off is None else off, "record", channel["name"]) for on, off in channel["on_ms"]
+        ]
+        rows.append(TimelineRow(channel["name"], bars))
+    return rows
 
 
 KIND_OF_DATA: dict[str, Kind] = {

@@ -39,6 +39,9 @@ def write_log(path: Path, rows: int = 1200, block: int = 100, compression: str =
         arrays = {name: relay_arrays(rows, seed + place) for place, name in enumerate(("R1", "R2"))}
         log.message("/breaker/B1", 0, "BreakerStatus", pole_a=True, pole_b=True, pole_c=True)
         log.message("/plant/faults", 50_000_000, "FaultState", fault=0, on=True, type="AG")
+        log.message(
+            "/record/digital", 60_000_000, "RecordDigital", number=3, name="51G", on=True, normal=False
+        )
         for start in range(0, rows, block):
             for name in arrays:
                 log.relay_block(name, *(array[start : start + block] for array in arrays[name]))

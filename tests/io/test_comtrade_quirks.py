@@ -265,6 +265,13 @@ def test_a_float_that_is_none(tmp_path: Path, value: float) -> None:
     assert np.flatnonzero(np.isnan(record.analog[3].values)).tolist() == [77]
 
 
+def test_a_signalling_nan(tmp_path: Path) -> None:
+    data = bytearray(data_bytes("FLOAT32"))
+    data[8:12] = b"\x01\x00\x80\x7f"
+    record = read_comtrade(write(tmp_path, config_text("FLOAT32", "2013"), bytes(data)))
+    assert np.isnan(record.analog[0].values[0])
+
+
 def test_a_factor_that_overflows(tmp_path: Path) -> None:
     record = read_comtrade(write(tmp_path, config_text().replace(",4.0,", ",1e307,"), data_bytes()))
     assert np.isnan(record.analog[0].values).any()  # infinite, so missing; and no warning of NumPy's

@@ -79,6 +79,7 @@ def test_rare_messages_come_back(log_path: Path) -> None:
     ]
     assert [state.source for state in log.breaker_states] == ["B1"]
     assert log.faults[0].type == "AG"
+    assert [(e.number, e.name, e.on, e.normal) for e in log.digital] == [(3, "51G", True, False)]
     with pytest.raises(AttributeError):
         _ = trip.no_such_field
 

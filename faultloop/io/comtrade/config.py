@@ -192,6 +192,9 @@ def _analog(lines: _Lines, revision: str) -> AnalogInfo:
         )
     fields += [""] * (13 - len(fields))
     _, name, phase, circuit, unit, a, b, skew, least, greatest, primary, secondary, scale = fields[:13]
+    skew_us = lines.number_of(skew, "skew", 0.0)
+    if abs(skew_us) > 1e6:
+        raise lines.wrong("skew must be within a second, in microseconds")
     limits = [_or_nan(text) for text in (least, greatest)]
     ratio = [_or_nan(text) for text in (primary, secondary)]
     stated = all(math.isfinite(part) and part > 0 for part in ratio)
@@ -202,7 +205,7 @@ def _analog(lines: _Lines, revision: str) -> AnalogInfo:
         unit,
         lines.number_of(a, "a"),
         lines.number_of(b, "b", 0.0),
-        lines.number_of(skew, "skew", 0.0),
+        skew_us,
         limits[0],
         limits[1],
         (ratio[0], ratio[1]) if stated else (0.0, 0.0),

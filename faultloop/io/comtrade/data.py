@@ -41,7 +41,8 @@ def _read_binary(content: bytes, config: Config) -> Data:
     words = np.ascontiguousarray(rows["status"].T)
     status = [(words[i >> 4] >> (i & 15) & 1).astype(bool) for i in range(len(config.status))]
     raw = np.ascontiguousarray(rows["analog"].T)  # one pass over the rows, then every channel is contiguous
-    analog = [_scaled(raw[i].astype(float), i, config) for i in range(len(config.analog))]
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        analog = [_scaled(raw[i].astype(float), i, config) for i in range(len(config.analog))]
     return Data(_numbers(rows["number"].astype(np.int64)), _stamps(rows["stamp"]), analog, status)
 
 

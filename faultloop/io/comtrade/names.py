@@ -16,11 +16,11 @@ _PHASE = r"(?:l?[123]|[abcrywst]n?|[авс])"
 
 # A phase quantity: V, U or I (or the word), then the phase, and nothing that makes it another one.  Only at
 # the beginning may a space stand between them: "Ua", "U_A-N", "I A", "某某线Ua", and not "Bus I B".
-_NAMED = re.compile(
+NAMED = re.compile(
     rf"(?:^(?P<q1>{_QUANTITY})[\s_.\-]*(?P<p1>{_PHASE})|{_START}(?P<q2>{_QUANTITY})[_.]?(?P<p2>{_PHASE})){_END}",
     re.IGNORECASE,
 )
-_PHASE_WORD = re.compile(
+PHASE_WORD = re.compile(
     rf"(?:phase|ph|фаз[аы]|ф)[\s_.\-]*(?P<p1>{_PHASE}){_END}|{_START}(?P<p2>{_PHASE})(?:相|[\s_.\-]*(?:phase|ph){_END})",
     re.IGNORECASE,
 )
@@ -78,14 +78,12 @@ def label_of(channel: AnalogChannel) -> Label:
     if unit is None and channel.unit.strip():
         return Label("", "", f"its unit is {channel.unit}")
     name = channel.name.strip()
-    if _LINE.search(name):
-        return Label("", "", "between two phases, by its name")
-    match = _NAMED.search(name)
-    if match is None and _LINE_WORD.search(name):
-        return Label("", "", "between two phases, by its name")
-    if match is None and _SEQUENCE.search(name):
-        return Label("", "", "a sequence or residual quantity, by its name")
     quantity = unit.quantity if unit else ""
+    match = None if _LINE.search(name) else NAMED.search(name)
+    if match is None and (_LINE.search(name) or _LINE_WORD.search(name)):
+        return Label(quantity, "", "between two phases, by its name")
+    if match is None and _SEQUENCE.search(name):
+        return Label(quantity, "", "a sequence or residual quantity, by its name")
     by_name = "" if match is None else "i" if (match["q1"] or match["q2"])[0] in "iIcC" else "v"
     if quantity and by_name and quantity != by_name:
         return Label("", "", f"its name and its unit, {channel.unit}, do not agree")
@@ -96,16 +94,16 @@ def label_of(channel: AnalogChannel) -> Label:
 
 
 def _with_phase(channel: AnalogChannel, quantity: str, match: re.Match[str] | None) -> Label:
-    match = match or _PHASE_WORD.search(channel.name)
+    match = match or PHASE_WORD.search(channel.name)
     named = "" if match is None else _canonical(match["p1"] or match["p2"])
     stated = _field(channel.phase)
     if stated is None:
-        return Label("", "", f"its phase field says {channel.phase.strip()}")
+        return Label(quantity, "", f"its phase field says {channel.phase.strip()}")
     if named and stated and not _ORDER[named] & _ORDER[stated]:
-        return Label("", "", f"its name says phase {named.upper()}, its phase field {stated.upper()}")
+        return Label(quantity, "", f"its name says phase {named.upper()}, its phase field {stated.upper()}")
     phase = stated or named
     if not phase:
-        return Label("", "", "it has no phase")
+        return Label(quantity, "", "it has no phase")
     source = "phase field" if stated else "name"
     return Label(quantity, phase, f"phase {phase.upper()} by its {source}")
 

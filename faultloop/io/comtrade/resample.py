@@ -92,6 +92,12 @@ def sample_times(numbers: NDArray[np.int64], sampling_hz: int) -> NDArray[np.int
     return seconds * SECOND_NS + rest * SECOND_NS // sampling_hz
 
 
+def sample_numbers(t_ns: NDArray[np.int64], sampling_hz: int) -> NDArray[np.int64]:
+    """The first k whose time is not before ``t_ns``: of a sample's own time, its number."""
+    seconds, rest = np.divmod(t_ns, SECOND_NS)
+    return seconds * sampling_hz - (-rest * sampling_hz // SECOND_NS)
+
+
 def _crop(six: SixChannels, window_s: tuple[float, float]) -> SixChannels:
     """The source's samples in the window, and a margin that the filters need."""
     lasts_s = float(six.t_ns[-1]) / SECOND_NS
@@ -127,8 +133,9 @@ def _pieces(six: SixChannels, least_hz: float, shortest_s: float) -> list[Span]:
         edges = [0, *known.tolist(), len(column) - 1]
         for left in np.flatnonzero(np.diff(t_ns[edges]) > limit_ns):
             broken[edges[left] : edges[left + 1]] = True
-    edges = [0, *(np.flatnonzero(broken) + 1).tolist(), len(t_ns)]
-    found = [(a, b) for a, b in pairwise(edges) if b - a >= 4]
+    # The first sample after a break may be the last of a decimated stretch: an envelope's, an average's.
+    edges = [-1, *(np.flatnonzero(broken) + 1).tolist(), len(t_ns)]
+    found = [(a + 1, b) for a, b in pairwise(edges) if b - a - 1 >= 4]
     if len(found) == 1 and found[0] == (0, len(t_ns)):
         return found
     return [(a, b) for a, b in found if t_ns[b - 1] - t_ns[a] >= shortest_s * SECOND_NS]
@@ -161,7 +168,7 @@ def _told(t_ns: NDArray[np.int64], pieces: list[Span], least_hz: float) -> list[
     told = []
     for first, last in edges[:_TOLD]:
         begin, end = float(t_ns[first]) / SECOND_NS, float(t_ns[last]) / SECOND_NS
-        hz = (last - first) / (end - begin)
+        hz = SECOND_NS / float(np.median(np.diff(t_ns[first : last + 1])))
         what = f"{hz:.4g} samples/s" if hz < least_hz else "values missing"
         told.append(
             f"blank from {begin:.6g} to {end:.6g} s: {what}, and the relay needs {least_hz:g} samples/s; "
@@ -217,7 +224,7 @@ def _column(
 def _within(stretches: tuple[Rate, ...], piece: Span) -> list[Rate]:
     """The stretches in a piece, their ends counted from its beginning."""
     a, b = piece
-    found, last = [], a
+    found, last = [], a + 1  # a single sample has no rate of its own
     for rate in stretches:
         stop = min(rate.stop, b)
         if stop > last:

@@ -1,0 +1,73 @@
+"""What reaches a terminal or a pipe: text in its encoding, and nothing that a terminal would obey."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from faultloop.cli import call
+from faultloop.cli.terminal import safe
+from tests.io.comtrade_records import config_text, data_bytes, write
+
+MHO = Path(__file__).resolve().parents[2] / "scenarios" / "settings" / "ab-mho.toml"
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii", "utf-8", "gbk"])
+@pytest.mark.parametrize("command", ["replay", "channels"])
+def test_output_of_any_encoding(
+    root: Path, shared: Path, tmp_path: Path, encoding: str, command: str
+) -> None:
+    arguments = [command, str(shared / "cases" / "stdout-encoding" / "r.cfg")]
+    if command == "replay":
+        arguments += ["--settings", str(MHO), "--log", str(tmp_path / "l.mcap")]
+    environment = os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "PYTHONPATH": str(root)}
+    done = subprocess.run(
+        [sys.executable, "-m", "faultloop", *arguments], env=environment, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    out = done.stdout.decode(encoding)
+    assert ("A相电压" if encoding in ("utf-8", "gbk") else r"A\u76f8\u7535\u538b") in out
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("a\tb\nc", "a\tb\nc"),
+        ("\x1b[2J", r"\x1b[2J"),
+        ("\x9b2J\x07\x08\r", r"\x9b2J\x07\x08\x0d"),
+        ("\x7f\x00", r"\x7f\x00"),
+        ("a\u202eb\u2066", r"a\u202eb\u2066"),
+        ("Ä 相 Ω", "Ä 相 Ω"),
+    ],
+)
+def test_control_characters_are_shown(text: str, shown: str) -> None:
+    assert safe(text) == shown
+
+
+@pytest.mark.parametrize("command", ["replay", "channels", "review"])
+def test_no_control_character_of_a_file_reaches_a_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    names = ("VA", "VB\x1b[31m", "VC\x9b5m", "IA\x07", "IB\x08\x08", "IC\u202e")
+    record = write(tmp_path, config_text(names=names), data_bytes())
+    mapping = ["--map", "va=0,vb=1,vc=2,ia=3,ib=4,ic=5"]
+    replayed = ["replay", str(record), "--settings", str(MHO), "--log", str(tmp_path / "l.mcap"), *mapping]
+    if command != "channels":
+        assert call(replayed) == 0
+    if command == "review":
+        capsys.readouterr()
+    if command != "replay":
+        assert call([command, str(record if command == "channels" else tmp_path / "l.mcap")]) == 0
+    out = capsys.readouterr().out
+    assert command == "review" or r"VB\x1b[31m" in out
+    assert not {character for character in out if ord(character) < 32} - {"\n"}
+    assert not set(out) & {"\x7f", "\x9b", "\u202e"}
+
+
+def test_errors_are_safe_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call(["channels", str(tmp_path / "\x1b]0;x\x07.cfg")]) == 2
+    assert "\x1b" not in capsys.readouterr().err

@@ -1,0 +1,59 @@
+"""A replayed record's own digital channels, beside what our relay did."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import faultloop
+from faultloop.cli import call
+from faultloop.loop.replay import replay
+from faultloop.review.rows import relay_rows
+from faultloop.review.summary import summarize
+from faultloop.review.view import DIGITAL_ROWS, relay_view
+
+MAP = ",".join(
+    f"{slot}={place}" for slot, place in zip(("va", "vb", "vc", "ia", "ib", "ic"), range(6), strict=True)
+)
+
+
+@pytest.fixture(scope="module")
+def log(records: Path, root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A real breaker failure: trip 0.980, 52b 1.028, by the records' README."""
+    path = tmp_path_factory.mktemp("log") / "bf.mcap"
+    record = records / "breaker-failure-30kv" / "NOR-T2_osc1.cfg"
+    replay(
+        record,
+        root / "scenarios" / "settings" / "ab-mho.toml",
+        mapping=MAP,
+        vt_ratio=300,
+        ct_ratio=100,
+        log=path,
+    )
+    return path
+
+
+def test_events_and_spans(log: Path) -> None:
+    opened = faultloop.open_log(log)
+    assert len({entry.number for entry in opened.digital}) == 32
+    summary = summarize(opened)
+    told = [e for e in summary["events"] if e["source"] == "record"]
+    assert len({e["text"].rsplit(" ", 1)[0] for e in told}) == len(summary["digital"]) == 8
+    assert [e["t_ns"] for e in summary["events"]] == sorted(e["t_ns"] for e in summary["events"])
+    assert any(0.97e9 < e["t_ns"] < 0.99e9 and e["text"].endswith(" on") for e in told)
+    for channel in summary["digital"]:
+        assert all(off is None or on < off for on, off in channel["on_ms"])
+
+
+def test_the_timeline_and_the_pages(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    opened = faultloop.open_log(log)
+    view = relay_view(relay_rows(opened, "replay"), summarize(opened))
+    rows = [row for row in view.timeline if any(bar.kind == "record" for bar in row.bars)]
+    assert 0 < len(rows) <= DIGITAL_ROWS
+    html, png = tmp_path / "r.html", tmp_path / "r.png"
+    assert call(["review", str(log), "--html", str(html), "--png", str(png), "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["digital"]) == 8
+    assert rows[0].label in html.read_text(encoding="utf-8")
+    assert png.stat().st_size > 10_000
