@@ -106,6 +106,16 @@ def test_rows_without_numbers_or_stamps(tmp_path: Path) -> None:
     check(write(tmp_path, config_text("BINARY"), data_bytes("BINARY", numbers=nothing, stamps=nothing)))
 
 
+@pytest.mark.parametrize("row", [3, 400, 1100, 1190])
+@pytest.mark.parametrize("change", [-5, -2, 1, 7])
+def test_bytes_lost_or_put_in_between(tmp_path: Path, row: int, change: int) -> None:
+    """Every row after them would be garbage; with an open count nothing else tells."""
+    data, place = data_bytes("BINARY"), row * 22 + 9
+    changed = data[:place] + b"\7" * change + data[place + max(-change, 0) :]
+    with pytest.raises(InputError, match=r"sample numbers do not count|rows of 22 bytes .* do not fit"):
+        read_comtrade(write(tmp_path, config_text("BINARY", rates=f"1\n{HZ},0"), changed))
+
+
 def test_random_rows_are_refused(tmp_path: Path) -> None:
     garbage = np.random.default_rng(3).bytes(22 * SAMPLES)
     with pytest.raises(InputError, match=r"r\.dat: rows of 22 bytes .* do not fit"):
@@ -193,6 +203,13 @@ def test_stamps_that_count_at_another_rate_are_noted(tmp_path: Path) -> None:
 def test_rates_that_cannot_be(tmp_path: Path, rates: str, words: str, format: str) -> None:
     with pytest.raises(InputError, match=words):
         read_comtrade(write(tmp_path, config_text(format, rates=rates), data_bytes(format)))
+
+
+def test_a_stretch_without_samples(tmp_path: Path) -> None:
+    for rates in ("2\n9600,0\n2400,1200", "3\n9600,0\n9600,0\n2400,1200"):
+        check(write(tmp_path, config_text(rates=rates), data_bytes()))
+    two = read_comtrade(write(tmp_path, config_text(rates="3\n2400,600\n50,600\n1200,1200"), data_bytes()))
+    assert two.rates == (Rate(2400.0, 600), Rate(1200.0, SAMPLES)) and two.t_ns[0] == 0
 
 
 def test_stops_left_open(tmp_path: Path) -> None:

@@ -120,9 +120,9 @@ def _span(chunk: ChunkIndex) -> int:
 def test_streaming_readers_read_it(log_path: Path) -> None:
     with log_path.open("rb") as stream:
         kinds = Counter(type(record).__name__ for record in StreamReader(stream, validate_crcs=True).records)
-    assert kinds["Message"] == 1200 * 8 + 6
+    assert kinds["Message"] == 1200 * 8 + 7
     with log_path.open("rb") as stream:
-        assert len(list(NonSeekingReader(stream, validate_crcs=True).iter_messages())) == 1200 * 8 + 6
+        assert len(list(NonSeekingReader(stream, validate_crcs=True).iter_messages())) == 1200 * 8 + 7
 
 
 @given(data=st.data())
@@ -204,7 +204,7 @@ def test_a_log_copied_message_by_message_reads_the_same(log_path: Path, tmp_path
             writer.add_message(channels[channel.id], message.log_time, message.data, message.log_time)
         writer.finish()
     a, b = open_log(log_path), open_log(tmp_path / "copy.mcap")
-    assert len(b.topics) == 13
+    assert len(b.topics) == 14
     for topic in b.topics:
         assert_same_rows(a.array(topic), b.array(topic))
 

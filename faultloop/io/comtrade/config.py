@@ -266,7 +266,10 @@ def _rates(lines: _Lines) -> tuple[tuple[Rate, ...], int]:
         raise InputError(f"last samples of the rates {stops}: each must be greater than the one before")
     if count == 0 or any(rate.hz == 0 for rate in rates):
         return (), samples
-    return tuple(rates), samples
+    before = [0, *stops]
+    return tuple(
+        r for r, last in zip(rates, before, strict=False) if r.stop != last or r is rates[-1]
+    ), samples
 
 
 def _moments(times: tuple[str, str], revision: str, notes: list[str]) -> tuple[int, int]:

@@ -28,6 +28,7 @@ class Data:
     stamps: NDArray[np.float64]  # (samples,)
     analog: list[NDArray[np.float64]]  # scaled by a and b
     status: list[NDArray[np.bool_]]
+    numbered: bool = True  # False: the file's own numbers do not increase, and these are the rows' order
 
 
 def read_data(content: bytes, config: Config) -> Data:
@@ -43,7 +44,10 @@ def _read_binary(content: bytes, config: Config) -> Data:
     raw = np.ascontiguousarray(rows["analog"].T)  # one pass over the rows, then every channel is contiguous
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         analog = [_scaled(raw[i].astype(float), i, config) for i in range(len(config.analog))]
-    return Data(_numbers(rows["number"].astype(np.int64)), _stamps(rows["stamp"]), analog, status)
+    numbers = _numbers(rows["number"].astype(np.int64))
+    if numbers is None:
+        return Data(np.arange(len(rows)), _stamps(rows["stamp"]), analog, status, numbered=False)
+    return Data(numbers, _stamps(rows["stamp"]), analog, status)
 
 
 def _stamps(raw: NDArray[np.uint32]) -> NDArray[np.float64]:
@@ -100,21 +104,22 @@ def _read_ascii(content: bytes, config: Config) -> Data:
         raise InputError(f"cut off: {config.samples} samples expected, {table.num_rows} found")
     samples = config.samples or table.num_rows
     values = [table.column(i).to_numpy()[:samples] for i in range(columns)]
+    numbers = _numbers(values[0])
     return Data(
-        _numbers(values[0]),
+        np.arange(samples) if numbers is None else numbers,
         values[1],
         [_scaled(np.array(values[2 + i]), i, config) for i in range(analog)],
         [np.nan_to_num(values[2 + analog + i]) != 0 for i in range(status)],
+        numbers is not None,
     )
 
 
-def _numbers(values: NDArray) -> NDArray[np.int64]:
-    """Sample numbers from 0; the rows' own order where the file's numbers do not increase from row to row."""
-    rows = np.arange(len(values))
+def _numbers(values: NDArray) -> NDArray[np.int64] | None:
+    """Sample numbers from 0; None where the file's numbers do not increase from row to row."""
     if not len(values) or not (np.abs(values) <= STAMP_MISSING).all():  # a NaN is not, either
-        return rows
+        return None
     numbers = values.astype(np.int64) - int(values[0])
-    return numbers if (np.diff(numbers) > 0).all() else rows
+    return numbers if (np.diff(numbers) > 0).all() else None
 
 
 def _scaled(raw: NDArray[np.float64], index: int, config: Config) -> NDArray[np.float64]:

@@ -163,6 +163,8 @@ def _times(config: Config, data: Data) -> NDArray[np.int64]:
 def _notes(config: Config, data: Data) -> list[str]:
     notes = []
     samples = len(data.numbers)
+    if samples and not data.numbered:
+        notes.append("the rows' sample numbers do not count up: the rows are taken one after the other")
     if samples and data.numbers[-1] != samples - 1:
         notes.append(f"{data.numbers[-1] + 1 - samples} samples are left out, by the samples' numbers")
     missing = sum(int(np.isnan(values).sum()) for values in data.analog)

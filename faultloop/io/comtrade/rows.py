@@ -51,6 +51,7 @@ def read_rows(content: bytes, config: Config) -> NDArray[np.void]:
             raise InputError(f"cut off: {config.samples} samples expected, {found} found")
         if fitting is None and not _increase(rows["number"]) and not _increase(rows["stamp"].view("<i4")):
             _refuse_unless_blank(rows, config, kind.itemsize)
+    _check_alignment(rows["number"], kind.itemsize)
     _check_kind(rows["analog"], config.format)
     return rows
 
@@ -59,6 +60,24 @@ def _count_by_one(numbers: NDArray[np.uint32]) -> bool:
     """True where the numbers count 1, 2, 3 but for a few breaks: lost samples, a counter that starts anew."""
     steps = np.diff(numbers.astype(np.int64))
     return int(np.count_nonzero(steps == 1)) >= 0.95 * len(steps)
+
+
+def _check_alignment(numbers: NDArray[np.uint32], length: int) -> None:
+    """Bytes lost or put in between leave every later row a piece of two: its number is no neighbour's.
+
+    A counter that starts anew, or at 16 bits, jumps once.  Read a byte too early, a number that counts by one
+    counts by 256.
+    """
+    steps = np.diff(numbers.astype(np.int64))
+    usual = int(np.median(steps)) if len(steps) else 0
+    shifted = (steps > 0) & (steps % 256 == 0)
+    wild = np.flatnonzero((steps < 0) | (steps > 1000 * max(usual, 1)) | shifted)
+    if usual > 0 and len(wild) > 2 + len(steps) // 1000:
+        row = int(wild[0]) + 1
+        raise InputError(
+            f"from row {row + 1} on, at byte {row * length}, the sample numbers do not count: "
+            "bytes are missing there, or too many"
+        )
 
 
 def _increase(numbers: NDArray) -> bool:
