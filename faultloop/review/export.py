@@ -38,8 +38,8 @@ def log_to_comtrade(
     record = Record(
         t_ns=t_ns - t_ns[0],
         analog=[channel for name in names for channel in _analog(log, name, count)],
-        status=[channel for name in names for channel in _bits(log, name, count)] + _poles(log, t_ns),
-        rates=(Rate(_rate(t_ns), count),),
+        status=[channel for name in names for channel in _bits(log, name, count)] + _own(log, t_ns),
+        rates=_rates(t_ns),
         start_ns=log.start_ns + int(t_ns[0]),
         trigger_ns=log.start_ns + (log.trips[0].t_ns if log.trips else int(t_ns[0])),
         frequency_hz=_frequency(log),
@@ -88,6 +88,18 @@ def _bits(log: Log, name: str, count: int) -> list[StatusChannel]:
     return channels
 
 
+def _own(log: Log, t_ns: NDArray[np.int64]) -> list[StatusChannel]:
+    """Breakers' poles, and a replayed record's own digital channels."""
+    channels: dict[int, StatusChannel] = {}
+    for entry in log.digital:
+        zeros = StatusChannel(
+            entry.name, np.zeros(len(t_ns), bool), circuit="record", normal=int(entry.normal)
+        )
+        channel = channels.setdefault(entry.number, zeros)
+        channel.values[np.searchsorted(t_ns, entry.t_ns) :] = entry.on
+    return _poles(log, t_ns) + list(channels.values())
+
+
 def _poles(log: Log, t_ns: NDArray[np.int64]) -> list[StatusChannel]:
     """Each breaker's poles, on where closed."""
     channels = []
@@ -101,10 +113,14 @@ def _poles(log: Log, t_ns: NDArray[np.int64]) -> list[StatusChannel]:
     return channels
 
 
-def _rate(t_ns: NDArray[np.int64]) -> float:
+def _rates(t_ns: NDArray[np.int64]) -> tuple[Rate, ...]:
+    """The sampling rate; none, so that the stamps count, where samples are left out."""
     if len(t_ns) < 2:
-        return 1.0
-    return float(round((len(t_ns) - 1) * SECOND_NS / int(t_ns[-1] - t_ns[0])))
+        return (Rate(1.0, len(t_ns)),)
+    steps = np.diff(t_ns)
+    if steps.max() > 1.5 * np.median(steps):
+        return ()
+    return (Rate(float(round((len(t_ns) - 1) * SECOND_NS / int(t_ns[-1] - t_ns[0]))), len(t_ns)),)
 
 
 def _frequency(log: Log) -> float:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import faultloop
 from faultloop.cli import call
+from faultloop.io.comtrade import read_comtrade
 from faultloop.loop.replay import replay
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
@@ -45,6 +47,25 @@ def test_events_and_spans(log: Path) -> None:
     assert any(0.97e9 < e["t_ns"] < 0.99e9 and e["text"].endswith(" on") for e in told)
     for channel in summary["digital"]:
         assert all(off is None or on < off for on, off in channel["on_ms"])
+
+
+def test_they_are_exported(log: Path, tmp_path: Path) -> None:
+    assert call(["export", str(log), "--comtrade", str(tmp_path / "x.cfg")]) == 0
+    ours = {c.name: c.values for c in read_comtrade(tmp_path / "x.cfg").status if c.circuit == "record"}
+    summary = summarize(faultloop.open_log(log))
+    assert len(ours) >= len(summary["digital"])
+    for channel in summary["digital"]:
+        assert ours[channel["name"]].any() and not ours[channel["name"]].all()
+
+
+def test_a_log_with_a_gap_is_exported_with_its_times(shared: Path, tmp_path: Path) -> None:
+    folder, log = shared / "cases" / "record-decimated", tmp_path / "d50.mcap"
+    replay(folder / "d50.cfg", folder / "relay.toml", log=log)
+    assert call(["export", str(log), "--comtrade", str(tmp_path / "x.cfg")]) == 0
+    again, t_ns = read_comtrade(tmp_path / "x.cfg"), faultloop.open_log(log).samples("replay")["t_ns"]
+    assert np.abs(again.t_ns - t_ns).max() < 1000
+    result = replay(tmp_path / "x.cfg", folder / "relay.toml")
+    assert [t.loop for t in result.trips] == ["AG"] and "values missing" not in result.warnings[0]
 
 
 def test_the_timeline_and_the_pages(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
