@@ -8,7 +8,21 @@ from collections.abc import Sequence
 
 import typer
 
-from faultloop.cli import channels, diff, export, monitor, node, recover, replay, review, run, suite
+from faultloop.cli import (
+    channels,
+    check,
+    diff,
+    export,
+    monitor,
+    new,
+    node,
+    recover,
+    replay,
+    review,
+    run,
+    schema,
+    suite,
+)
 from faultloop.cli.terminal import prepare_streams, warn
 from faultloop.errors import InputError
 
@@ -23,7 +37,10 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for command in (run, node, monitor, replay, channels, review, export, diff, recover, suite):
+COMMANDS = (
+    new, check, run, node, monitor, replay, channels, review, export, diff, recover, suite, schema,
+)  # fmt: skip
+for command in COMMANDS:
     app.command(name=command.__name__.rpartition(".")[2])(command.command)
 
 
@@ -47,6 +64,7 @@ def call(arguments: Sequence[str] | None = None) -> int:
     prepare_streams()
     try:
         status = app(args=None if arguments is None else list(arguments), standalone_mode=False)
+        sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except InputError as error:
         warn(f"faultloop: {error}")
@@ -56,11 +74,14 @@ def call(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # `faultloop review ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:  # what no command foresaw: output to a full disk, a share that went away
+        warn(f"faultloop: {error.filename or 'output'}: {error.strerror or error}")
+        return 2
     except Exception as error:
         told = getattr(error, "format_message", None)  # the parser's own word on a wrong command line
         if told is None:
             raise
-        warn(f"faultloop: {told()} (see faultloop --help)")
+        warn(f"faultloop: {' '.join(told().split())} (see faultloop --help)")
         return 2
 
 

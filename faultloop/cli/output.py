@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
@@ -65,12 +66,14 @@ def serve(stream: RerunSink | None) -> None:
         stream.wait()
 
 
+@cache
 def announce_compilation() -> None:
-    """Say why the first run takes longer, before it does."""
-    from faultloop.jit import is_warm
+    """Say why a run takes longer when something has to be compiled, as that begins; once in a process."""
+    from faultloop.jit import cache_note, on_first_compilation
 
-    if not is_warm():
-        warn("first run of this version: compiling, half a minute or so")
+    if note := cache_note():
+        warn(f"faultloop: {note}")
+    on_first_compilation(lambda: warn("compiling what this machine has not run before: up to a minute"))
 
 
 def print_json(data: Any) -> None:

@@ -43,6 +43,9 @@ def command(
     rerun: Annotated[
         str | None, typer.Option(metavar="spawn|serve|F.rrd|URL", help="Stream to a rerun viewer or file.")
     ] = None,
+    no_user_code: Annotated[
+        bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Play a recorded fault into a relay, as a test set does."""
@@ -67,6 +70,7 @@ def command(
         to_s=math.inf if to is None else to,
         log=path,
         rerun=rerun,
+        user_code=not no_user_code,
     )
     if json:
         print_json(result.as_dict())

@@ -33,6 +33,9 @@ def command(
     set_: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override: fault.F1.at_pu=0.7.")
     ] = None,
+    no_user_code: Annotated[
+        bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Run a scenario closed-loop: faults, estimates, trips over CAN, breakers; everything in a log."""
@@ -57,6 +60,7 @@ def command(
                 without=without or [],
                 log=path,
                 overrides=set_ or [],
+                user_code=not no_user_code,
                 progress=progress,
             )
         else:
@@ -70,6 +74,7 @@ def command(
                 can=can,
                 pace=1.0 if realtime else pace,
                 without=without or [],
+                user_code=not no_user_code,
                 progress=progress,
             )
     if json:

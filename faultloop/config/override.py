@@ -100,7 +100,9 @@ def _value(text: str) -> Any:
     """A TOML value; a bare word is a string (``fault.0.type=BC``), and .5 is a number."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
-    except tomllib.TOMLDecodeError:
+    except RecursionError:
+        raise InputError("its brackets are nested too deep", key="--set") from None
+    except ValueError:
         pass
     try:
         return float(text)

@@ -10,7 +10,12 @@ from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from faultloop.config.input_file import check_input
 from faultloop.errors import InputError, nearest
+
+MOST_BYTES = 8 * 2**20
+"""Of a TOML file that is read."""
+MOST_NESTED = 32
 
 
 class Table(BaseModel):
@@ -41,20 +46,35 @@ Model = TypeVar("Model", bound=BaseModel)
 def read_toml(path: Path | str) -> tuple[dict[str, Any], str]:
     """The parsed file and its text.  Raises InputError where it cannot be read or is not TOML."""
     path = Path(path)
+    check_input(path, "a TOML file", MOST_BYTES)
     try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError("no such file", file=path) from None
-    except IsADirectoryError:
-        raise InputError("is a folder; a TOML file is needed", file=path) from None
+        text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
-    except (OSError, ValueError) as error:  # a path with a NUL is a ValueError
-        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", file=path) from None
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
+    return parse_toml(text, path), text
+
+
+def parse_toml(text: str, file: object) -> dict[str, Any]:
+    """Raises InputError where it is not TOML, or nested deeper than anything is."""
     try:
-        return tomllib.loads(text), text
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"is not valid TOML: {error}", file=path) from None
+        data = tomllib.loads(text)
+    except RecursionError:
+        data = None
+    except ValueError as error:  # TOMLDecodeError, and a number of more digits than Python converts
+        raise InputError(f"is not valid TOML: {error}", file=file) from None
+    if data is None or _deeper(data, MOST_NESTED):
+        raise InputError(f"is nested deeper than {MOST_NESTED} brackets or tables", file=file)
+    return data
+
+
+def _deeper(data: Any, levels: int) -> bool:
+    here = [data]
+    for _ in range(levels):
+        inside = [item.values() if isinstance(item, dict) else item for item in here]
+        here = [value for items in inside for value in items if isinstance(value, (dict, list))]
+    return bool(here)
 
 
 def validate(model: type[Model], data: Mapping[str, Any], file: object = None) -> Model:

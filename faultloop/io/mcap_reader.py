@@ -20,6 +20,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
+from faultloop.config.input_file import check_input
 from faultloop.errors import InputError, nearest
 from faultloop.io import messages as table
 from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC, MESSAGE_HEAD, ChunkHead, decompress, parse, walk
@@ -317,6 +318,7 @@ def _records(content: bytes | memoryview, offsets: np.ndarray, dtype: np.dtype) 
 def map_file(path: str | Path) -> mmap.mmap | bytes:
     """The bytes of a file, mapped.  Raises InputError if it cannot be read or does not begin as MCAP does."""
     path = Path(path)
+    check_input(path, "a log")
     try:
         with path.open("rb") as stream:
             size = stream.seek(0, 2)
@@ -337,7 +339,7 @@ def open_log(path: str | Path) -> Log:
     silently: that is ``recover_log``.
     """
     path = Path(path)
-    part = path.with_name(path.name + ".part")
+    part = Path(f"{path}.part")  # with_name would refuse "." and "/"
     if not path.exists():
         hint = (
             f"; a run that was cut off left {part.name}: faultloop recover {path} OUT.mcap"

@@ -195,7 +195,7 @@ def recover_log(broken: str | Path, out: str | Path) -> Recovered:
     the output.
     """
     source, out = Path(broken), Path(out)
-    part = source.with_name(source.name + ".part")
+    part = Path(f"{source}.part")
     if not source.exists() and part.exists():
         source = part
     data = memoryview(map_file(source))

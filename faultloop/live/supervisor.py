@@ -345,6 +345,7 @@ def run_processes(
     without: Collection[str] = (),
     log: Path | str | None = None,
     overrides: Sequence[str] = (),
+    user_code: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Run a scenario with the plant, every relay and every breaker as a process of its own.
@@ -357,6 +358,7 @@ def run_processes(
     without : relays and breakers whose place a device of your own takes.
     log : where the merged log goes; ``logs/NAME.mcap`` where not given.
     overrides : ``"fault.F1.at_pu=0.7"`` and the like.
+    user_code : whether the relays' settings may name code.
 
     Raises
     ------
@@ -365,7 +367,7 @@ def run_processes(
     checked = load_scenario(scenario, overrides) if not isinstance(scenario, AnyScenario) else scenario
     check_pace(pace)
     settings = {place.name: load_settings(checked.settings_path(place)) for place in checked.relay}
-    check_settings(checked, settings)
+    check_settings(checked, settings, user_code)
     path = Path(log) if log is not None else Path("logs") / f"{Path(checked.path or 'run').stem}.mcap"
     check_log_path(path)
     started = time.perf_counter()

@@ -17,6 +17,7 @@ from faultloop.loop.outcome import EventText, pole_names
 from faultloop.loop.played import Choices, Played, from_comtrade, from_log
 from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
 from faultloop.relay import Relay, RelayInputs, RelaySettings, load_settings
+from faultloop.relay.named_code import refuse_user_code
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
@@ -124,6 +125,7 @@ def replay(
     to_s: float = math.inf,
     log: Path | str | None = None,
     rerun: str | None = None,
+    user_code: bool = True,
 ) -> ReplayResult:
     """Play ``record`` into a relay with ``settings``.
 
@@ -139,7 +141,7 @@ def replay(
     ct_ratio, vt_ratio : the same for all currents and all voltages.
     from_s, to_s : the part to play, in seconds from the record's first sample.
     log : the MCAP log to write; none if not given, and then the arrays are kept in memory.
-    rerun : as for `faultloop.run`.
+    rerun, user_code : as for `faultloop.run`.
 
     Where the record has nothing for a relay (a decimated stretch, samples or values left out for long), the
     relay gets and the log has no samples; the relay starts anew after that, and `warnings` say so.
@@ -148,6 +150,8 @@ def replay(
     """
     record = Path(record)
     own = settings if isinstance(settings, RelaySettings) else load_settings(settings)
+    if not user_code:
+        refuse_user_code(own)
     choices = Choices(mapping, unit or {}, scale or {}, ct_ratio, vt_ratio, from_s, to_s)
     choices.check()
     played = (from_log if record.suffix.lower() == ".mcap" else from_comtrade)(record, own, choices)

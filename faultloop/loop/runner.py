@@ -20,6 +20,7 @@ from faultloop.loop.result import Result
 from faultloop.loop.scenario import AnyScenario, Scenario, load_scenario
 from faultloop.loop.simulation import Simulation
 from faultloop.relay import Relay, RelaySettings, load_settings
+from faultloop.relay.named_code import refuse_user_code
 
 
 def run(
@@ -32,6 +33,7 @@ def run(
     without: Sequence[str] = (),
     overrides: Sequence[str] = (),
     keep: bool | None = None,
+    user_code: bool = True,
     sinks: Sequence[Sink] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Result:
@@ -48,6 +50,7 @@ def run(
         The plant follows the position that it publishes; give `pace`, or nobody waits for it.
     overrides : ``"fault.F1.at_pu=0.7"`` and the like; only with a file.
     keep : keep samples and estimates in memory, for `Result.samples`; by default where there is no log.
+    user_code : whether the relays' settings may name code; without it one that does is refused.
     sinks : more places to write to.
     progress : called with the part done, 0 to 1.
 
@@ -62,7 +65,7 @@ def run(
     if pace is not None and not 0 < pace < math.inf:
         raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
     settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
-    check_settings(scenario, settings)
+    check_settings(scenario, settings, user_code)
     relays = {name: Relay(s, name=name) for name, s in settings.items()}
     check_expectations(scenario, relays)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
@@ -105,9 +108,11 @@ def run(
     )
 
 
-def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
-    """What scenario and settings must agree on."""
+def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], user_code: bool = True) -> None:
+    """What scenario and settings must agree on, and whether these may name code."""
     for place in scenario.relay:
+        if not user_code:
+            refuse_user_code(settings[place.name])
         own = settings[place.name].relay
         for key, wanted in (
             ("sampling_hz", scenario.system.sampling_hz),

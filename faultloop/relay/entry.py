@@ -25,7 +25,7 @@ from numba.extending import intrinsic, overload
 from numba.np.numpy_support import carray
 
 from faultloop.errors import InputError
-from faultloop.jit import cache_folder, source_digest
+from faultloop.jit import cache_folder, cache_root, source_digest
 
 POINTERS = (types.voidptr,) * 4
 ENTRY = types.void(*POINTERS)
@@ -72,7 +72,7 @@ def compiled_entry(source: str, step: Dispatcher, names: dict[str, Any]) -> Any:
     unique = f"entry_{mark or 'unknown'}"
     space = {"__name__": __name__, "step": step, "nothing": nothing, "carray": carray, **names}
     exec(compile(source.replace("def entry(", f"def {unique}("), __file__, "exec"), space)
-    options = {"cache": mark is not None, "error_model": "numpy"}
+    options = {"cache": mark is not None and cache_root() is not None, "error_model": "numpy"}
     try:
         with cache_folder("user"):
             return numba.cfunc(ENTRY, **options)(space[unique])
@@ -83,7 +83,7 @@ def compiled_entry(source: str, step: Dispatcher, names: dict[str, Any]) -> Any:
 def cached_step(step: Dispatcher) -> Dispatcher:
     """A step of the user's, ``step(state, x, out)``, behind one that the file cache can keep."""
     mark = fingerprint(step)
-    if mark is None:
+    if mark is None or cache_root() is None:
         return step
     unique = f"{step.__name__}_{mark}"
     space = {"__name__": __name__, "step": step}

@@ -313,5 +313,5 @@ def test_inputs_that_are_no_files(tmp_path: Path) -> None:
     path = write(tmp_path, config_text(), data_bytes())
     path.unlink()
     os.mkfifo(path)
-    with pytest.raises(InputError, match="cannot be read: it is no file"):
+    with pytest.raises(InputError, match="is a pipe; a COMTRADE record is needed"):
         read_comtrade(path)

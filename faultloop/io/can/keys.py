@@ -58,10 +58,9 @@ def _check_private(path: Path) -> None:
     """POSIX only: Windows has no mode bits that would say it."""
     try:
         mode = path.stat().st_mode
-    except OSError as error:
-        raise InputError(
-            f"cannot be read: {error.strerror or error}; [can] keys names it", file=path
-        ) from None
+    except (OSError, ValueError) as error:  # a path with a NUL is a ValueError
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read: {why}; [can] keys names it", file=path) from None
     if os.name == "posix" and stat.S_ISREG(mode) and mode & 0o077:
         raise InputError(
             f"others than its owner may use it (mode {stat.S_IMODE(mode):04o}); `chmod 600` it", file=path

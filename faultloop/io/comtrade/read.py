@@ -8,11 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.input_file import check_input
 from faultloop.errors import InputError
 from faultloop.io.comtrade.config import Config, parse_config
 from faultloop.io.comtrade.data import Data, read_data
 from faultloop.io.comtrade.encoding import decode
 from faultloop.io.comtrade.record import LONGEST_NS, AnalogChannel, Rate, Record, StatusChannel, times_of
+
+MOST_BYTES = 2**30
+"""Of a file that is read."""
 
 _SECTION = re.compile(  # kind, data format, length in bytes
     rb"^(?:\xef\xbb\xbf)?[ \t]*---[ \t]*file type:[ \t]*([a-z]+)"
@@ -61,8 +65,7 @@ def read_comtrade(path: Path | str, encoding: str | None = None) -> Record:
 
 
 def _content(path: Path) -> bytes:
-    if path.exists() and not path.is_file():  # a FIFO would wait for ever
-        raise InputError(f"cannot be read: it is {'a folder' if path.is_dir() else 'no file'}", file=path)
+    check_input(path, "a COMTRADE record", MOST_BYTES)
     try:
         return path.read_bytes()
     except OSError as error:

@@ -1,0 +1,94 @@
+"""``faultloop check``"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
+
+LOG_BYTES = 620
+"""Of a log, per relay and sample (measured)."""
+RELAYS_REAL_TIME = 40
+"""Seconds of one relay that a core simulates and logs in a second, about (docs/evidence.md)."""
+
+
+def command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A scenario or relay settings.")],
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> int:
+    """Validate a file and tell how long it will take and what it will write.  Nothing is run."""
+    from faultloop.cli.output import console, print_json
+    from faultloop.config.tables import read_toml
+    from faultloop.errors import InputError
+
+    data, _ = read_toml(file)
+    kinds = {"scenario": _scenario, "relay": _settings}
+    kind = next((name for name in kinds if isinstance(data.get(name), dict)), None)
+    if kind is None:
+        raise InputError("has neither [scenario] (a scenario) nor [relay] (relay settings)", file=file)
+    told = {"file": str(file), "valid": True} | kinds[kind](file)
+    if json:
+        print_json(told)
+    else:
+        out = console()
+        for key, value in told.items():
+            out.print(f"{key.replace('_', ' ')}: {_text(value)}")
+    return 0
+
+
+def _scenario(file: Path) -> dict[str, Any]:
+    from faultloop.loop.runner import check_settings
+    from faultloop.loop.scenario import load_scenario
+    from faultloop.relay import load_settings
+
+    scenario = load_scenario(file)
+    settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
+    check_settings(scenario, settings)
+    duration_s, relays = scenario.scenario.duration_s, len(scenario.relay)
+    samples = round(duration_s * scenario.system.sampling_hz)
+    return {
+        "kind": "scenario",
+        "name": scenario.scenario.name,
+        "duration_s": duration_s,
+        "relays": [place.name for place in scenario.relay],
+        "faults": len(scenario.fault),
+        "expectations": len(scenario.expect),
+        "samples_per_relay": samples,
+        "log_mb": round(samples * relays * LOG_BYTES / 1e6, 1),
+        "seconds_about": round(duration_s * max(relays, 1) / RELAYS_REAL_TIME + 1, 1),
+        "user_code": sorted({code for own in settings.values() for code in _code(own)}),
+    }
+
+
+def _settings(file: Path) -> dict[str, Any]:
+    from faultloop.relay import load_settings
+
+    settings = load_settings(file)
+    code = _code(settings)
+    if not code:
+        from faultloop.relay.estimators import make_estimator
+
+        own, estimator = settings.relay, settings.estimator
+        make_estimator(estimator.method, own.sampling_hz, own.frequency_hz, **estimator.parameters)
+    return {
+        "kind": "relay settings",
+        "estimator": settings.estimator.method,
+        "zones": [zone.zone for zone in settings.pdis],
+        "user_code": code,
+    }
+
+
+def _code(settings: RelaySettings) -> list[str]:
+    from faultloop.relay.named_code import named_code
+
+    return [code for _, code in named_code(settings)]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list):
+        return ", ".join(map(str, value)) or "none"
+    return str(value)

@@ -1,0 +1,144 @@
+"""`new`, `check`, `schema` and `--no-user-code`."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+import zipfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import faultloop
+from faultloop.cli import call
+
+ROOT = Path(__file__).resolve().parents[2]
+AG = ROOT / "scenarios" / "ag-zone1.toml"
+SETTINGS = sorted((ROOT / "scenarios" / "settings").glob("*.toml"))
+Capture = pytest.CaptureFixture[str]
+ELEMENT = '\n[[element]]\nname = "MINE"\nfunction = "mine.py:step"\n'
+
+
+def out_of(capsys: Capture, *arguments: object) -> str:
+    assert call([str(a) for a in arguments]) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys: Capture, *arguments: object) -> str:
+    assert call([str(a) for a in arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    return err
+
+
+def test_new_gives_what_can_be_run(capsys: Capture, tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "start"
+    assert str(target / "scenarios" / "ag-zone1.toml") in out_of(capsys, "new", target)
+    made = {path.relative_to(target).as_posix() for path in target.rglob("*.*") if path.is_file()}
+    assert {"scenarios/ag-zone1.toml", "scenarios/settings/ab-mho.toml", "examples/my_breaker.py"} <= made
+    for path in (target / "scenarios").rglob("*.toml"):
+        out_of(capsys, "check", path)  # the settings are found, too
+
+
+def test_new_has_a_default_place(capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    out_of(capsys, "new")
+    assert (tmp_path / "faultloop-start" / "scenarios" / "ag-zone1.toml").is_file()
+    assert "not empty" in refused(capsys, "new")
+    assert "not empty" in refused(capsys, "new", ".")
+    (tmp_path / "empty").mkdir()
+    out_of(capsys, "new", "empty")
+
+
+def test_new_where_nothing_can_be(capsys: Capture, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine", encoding="utf-8")
+    assert "is a file" in refused(capsys, "new", tmp_path / "file")
+    assert "cannot be written" in refused(capsys, "new", tmp_path / "file" / "x")
+    assert "cannot be written" in refused(capsys, "new", "a" * 300)
+    refused(capsys, "new", "/")
+    assert (tmp_path / "file").read_text(encoding="utf-8") == "mine"
+
+
+@pytest.mark.skipif(find_spec("hatchling") is None, reason="needs hatchling, which builds the wheel")
+def test_a_wheel_has_the_files(tmp_path: Path) -> None:
+    from hatchling.builders.wheel import WheelBuilder
+
+    wheel = next(WheelBuilder(str(ROOT)).build(directory=str(tmp_path)))
+    names = set(zipfile.ZipFile(wheel).namelist())
+    for path in ("scenarios/ag-zone1.toml", "scenarios/settings/ab-mho.toml", "examples/my_breaker.py"):
+        assert f"faultloop/starter/{path}" in names
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "scenarios").glob("*.toml")), ids=lambda path: path.stem)
+def test_check_of_a_scenario(capsys: Capture, path: Path) -> None:
+    told = json.loads(out_of(capsys, "check", path, "--json"))
+    data = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert told["kind"] == "scenario"
+    assert told["duration_s"] == data["scenario"]["duration_s"]
+    assert told["relays"] == [relay["name"] for relay in data["relay"]]
+    assert told["samples_per_relay"] == pytest.approx(4800 * told["duration_s"], abs=1)
+    assert told["log_mb"] > 0
+
+
+@pytest.mark.parametrize("path", SETTINGS, ids=lambda path: path.stem)
+def test_check_of_settings(capsys: Capture, path: Path) -> None:
+    assert json.loads(out_of(capsys, "check", path, "--json"))["kind"] == "relay settings"
+    assert "zones: " in out_of(capsys, "check", path)
+
+
+def test_check_runs_no_code(capsys: Capture, tmp_path: Path) -> None:
+    text = SETTINGS[1].read_text(encoding="utf-8")
+    (tmp_path / "mine.py").write_text("raise SystemExit('run')", encoding="utf-8")
+    (tmp_path / "s.toml").write_text(text + ELEMENT, encoding="utf-8")
+    assert json.loads(out_of(capsys, "check", tmp_path / "s.toml", "--json"))["user_code"] == ["mine.py:step"]
+
+
+def test_check_finds_what_is_wrong(capsys: Capture, tmp_path: Path) -> None:
+    (tmp_path / "x.toml").write_text("[other]\n", encoding="utf-8")
+    assert "[scenario]" in refused(capsys, "check", tmp_path / "x.toml")
+    text = SETTINGS[1].read_text(encoding="utf-8")
+    (tmp_path / "s.toml").write_text(text + '\n[estimator]\nmethod = "furier"\n', encoding="utf-8")
+    if "[estimator]" not in text:
+        assert "did you mean 'fourier'" in refused(capsys, "check", tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("kind", ["scenario", "relay"])
+def test_schema(capsys: Capture, kind: str) -> None:
+    schema = json.loads(out_of(capsys, "schema", kind))
+    assert schema["$schema"].endswith("2020-12/schema")
+    assert schema["additionalProperties"] is False
+    assert kind in schema["properties"]
+    files = [AG] if kind == "scenario" else SETTINGS
+    for path in files:
+        assert set(tomllib.loads(path.read_text(encoding="utf-8"))) <= set(schema["properties"])
+
+
+def test_user_code_can_be_refused(capsys: Capture, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("raise SystemExit('run')", encoding="utf-8")
+    text = (ROOT / "scenarios" / "settings" / "ab-mho.toml").read_text(encoding="utf-8")
+    own = tmp_path / "s.toml"
+    own.write_text(text + ELEMENT, encoding="utf-8")
+    override = f"relay.RA.settings={own}"
+    log = tmp_path / "x.mcap"
+    err = refused(capsys, "run", AG, "--log", log, "--set", override, "--no-user-code")
+    assert f"{own}: element[MINE].function" in err
+    assert "mine.py:step" in err
+    err = refused(capsys, "replay", "no.cfg", "--settings", own, "--log", log, "--no-user-code")
+    assert "element[MINE].function" in err
+    with pytest.raises(faultloop.InputError, match=r"element\[MINE\]"):
+        faultloop.run(AG, overrides=[override], user_code=False)
+    assert not log.exists()
+
+
+def test_an_estimator_that_is_code_is_refused_too(tmp_path: Path) -> None:
+    from faultloop.relay.named_code import named_code, refuse_user_code
+
+    data = tomllib.loads((ROOT / "scenarios" / "settings" / "ab-mho.toml").read_text(encoding="utf-8"))
+    for method in ("my.py:make", "package.module:make"):
+        settings = faultloop.RelaySettings.from_dict(data | {"estimator": {"method": method}})
+        assert list(named_code(settings)) == [("estimator.method", method)]
+        with pytest.raises(faultloop.InputError):
+            refuse_user_code(settings)
+    refuse_user_code(faultloop.RelaySettings.from_dict(data))

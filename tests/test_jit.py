@@ -1,0 +1,87 @@
+"""Where compiled kernels are kept, and what is said where they cannot be."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="users and modes of POSIX")
+
+KERNEL = """
+import sys
+from faultloop import jit
+jit.on_first_compilation(lambda: print("compiles"))
+from faultloop.jit import njit
+sys.modules["faultloop.relay.own"] = sys.modules["__main__"]
+{change}
+def double(x):
+    return 2 * x
+double.__module__ = "faultloop.relay.own"
+kernel = njit(double)
+print(kernel(21), jit.cache_root(), jit.cache_note())
+"""
+
+
+def told(tmp_path: Path, change: str = "", **environment: str | None) -> list[str]:
+    script = tmp_path / "script.py"
+    script.write_text(KERNEL.format(change=change), encoding="utf-8")
+    env = {key: value for key, value in (os.environ | environment).items() if value is not None}
+    done = subprocess.run([sys.executable, str(script)], env=env, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    return done.stdout.splitlines()
+
+
+def test_compilation_is_told_when_it_happens(tmp_path: Path) -> None:
+    """Not where the cache has the kernel; again where it is empty, or another kernel is wanted."""
+    cache = tmp_path / "cache"
+    line = f"42 {cache} None"
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == [line]
+    for file in cache.rglob("*.nb?"):
+        file.unlink()
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
+    for file in cache.rglob("*.nbi"):
+        file.write_bytes(b"damaged")
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == [line]  # and mended
+
+
+def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    place = tmp_path / "file" / "cache"
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    line = told(tmp_path, FAULTLOOP_CACHE=str(place), TMPDIR=str(temporary))[-1]
+    own = temporary / f"faultloop-{os.getuid()}"
+    assert line.startswith(f"42 {own} {place} cannot be written: compiled kernels are kept in {own}")
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize("mode", ["others may write", "a link", "a file"])
+def test_nobody_elses_folder_is_taken(tmp_path: Path, mode: str) -> None:
+    """What lies in it is run as code."""
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    own = tmp_path / f"faultloop-{os.getuid()}"
+    if mode == "others may write":
+        own.mkdir()
+        own.chmod(0o777)
+    elif mode == "a link":
+        (tmp_path / "elsewhere").mkdir()
+        own.symlink_to(tmp_path / "elsewhere")
+    else:
+        own.write_text("", encoding="utf-8")
+    line = told(tmp_path, FAULTLOOP_CACHE=str(tmp_path / "file" / "cache"), TMPDIR=str(tmp_path))
+    assert line[0] == "compiles"
+    assert line[1].startswith("42 None ")
+    assert "are not kept" in line[1]
+
+
+def test_no_home_at_all(tmp_path: Path) -> None:
+    change = "import pathlib\ndef none(): raise RuntimeError\npathlib.Path.home = none\n"
+    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "FAULTLOOP_CACHE"))
+    line = told(tmp_path, change, TMPDIR=str(tmp_path), **nowhere)[-1]
+    assert line.startswith(f"42 {tmp_path}/faultloop-{os.getuid()} there is no home folder: ")
