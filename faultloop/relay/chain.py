@@ -11,23 +11,14 @@ chain written by hand before: the same time per sample).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.function import Function
 from faultloop.relay.quantities import Record, begin, finish
-
-
-class Block(NamedTuple):
-    """What a block of n samples brings: (n, 6) samples, (n, 14) phasors with frequency, (n, 12) loops."""
-
-    samples: NDArray[np.float64]
-    phasors: NDArray[np.float64]
-    loops: NDArray[np.float64]
 
 
 def compose(functions: Iterable[Function]) -> Callable[[Record, Record], None]:
@@ -47,13 +38,17 @@ step_functions = compose(FUNCTIONS)
 
 
 @njit
-def decide(constants: NDArray, state: NDArray, block: Block, words: NDArray[np.uint64]) -> int:
+def decide(
+    constants: NDArray, state: NDArray, samples: NDArray, phasors: NDArray, loops: NDArray, words: NDArray
+) -> int:
     """Run a block; stop after the first sample at which an output changed or there is something to tell.
 
     Parameters
     ----------
     constants, state : records ``CONSTANTS``, ``STATE``, shape (1,).
-    words : (n, 2), written: pickup and operate bits.
+    samples : (n, 6).
+    phasors, loops : (n, 14) with their frequency, (n, 12).
+    words : (n, 2) uint64, written: pickup and operate bits.
 
     Returns the number of samples done.
     """
@@ -62,7 +57,7 @@ def decide(constants: NDArray, state: NDArray, block: Block, words: NDArray[np.u
     q.changed = 0
     for n in range(words.shape[0]):
         poles, close, pilot, notices = q.poles, q.close_poles, q.pilot, q.notices
-        begin(g, q, block.samples[n], block.phasors[n], block.loops[n])
+        begin(g, q, samples[n], phasors[n], loops[n])
         step_functions(c, s)
         finish(g, q, words[n])
         if q.poles != poles or q.close_poles != close or q.pilot != pilot or q.notices != notices:

@@ -118,6 +118,16 @@ def initial_state() -> NDArray[np.void]:
     return s
 
 
+def neighbours(state: NDArray[np.void], names: tuple[str, ...]) -> NDArray[np.int64]:
+    """Neighbouring integers of the shared quantities as one array, a view: 0.2 us to read them, not each."""
+    places = [(quantities.QUANTITIES.fields or {})[name][1] for name in names]
+    first, end = places[0], places[0] + 8 * len(names)
+    if places != list(range(first, end, 8)):
+        raise ValueError(f"{', '.join(names)} are no neighbours")
+    begin = (STATE.fields or {})["shared"][1]
+    return state.view(np.uint8)[begin + first : begin + end].view(np.int64)
+
+
 def record_of(state: NDArray[np.void], place: Instance) -> np.void:
     """The state of one function: a view."""
     return state[place.function.key][0, place.number] if place.user is None else place.user.state[0]

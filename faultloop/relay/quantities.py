@@ -82,8 +82,8 @@ QUANTITIES = np.dtype(
         ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
         ("closed", "i8"),  # mask of closed poles, as reported
-        ("was_closed", "i8"),
         ("received", "i8"),  # pilot bits from the far end
+        ("was_closed", "i8"),
         # the memory, and what is new against it
         ("memory", MEMORY),
         ("ready", "i8"),  # the memory can be relied on
@@ -101,20 +101,25 @@ QUANTITIES = np.dtype(
         ("zone_started", "i8"),  # * PDIS: a distance zone has started
         ("inside", "i8"),  # * PDIS: the fault is inside a zone, started or not yet
         ("started", "i8"),  # * any function has started
-        ("pilot", "i8"),  # * pilot bits to the far end
         ("request", REQUEST),  # * the first wish of this sample to trip
+        # outputs; OUTPUTS names them
         ("poles", "i8"),  # PTRC: mask of poles to trip
         ("close_poles", "i8"),  # mask of poles to close
+        ("pilot", "i8"),  # * pilot bits to the far end
         ("notices", "i8"),  # something to tell has happened; counts on
+        ("changed", "i8"),  # samples of this block at which a bit changed
         ("held", "i8"),  # a trip stood when the sample came
         ("pickup", "u8"),  # * bits
         ("operate", "u8"),  # *
         ("last_pickup", "u8"),  # the bits of the sample before
         ("last_operate", "u8"),
-        ("changed", "i8"),  # samples of this block at which a bit changed
     ],
     align=True,
 )
+
+INPUTS = ("closed", "received")
+"""Neighbouring fields, as are these:"""
+OUTPUTS = ("poles", "close_poles", "pilot", "notices", "changed")
 
 
 def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
@@ -246,8 +251,8 @@ def finish(g: Record, q: Record, words: NDArray[np.uint64]) -> None:
 
 
 @njit(inline="always")
-def indicate(q: Record, bit: int, on: bool) -> None:
-    """A bit of pickup that is no start: a direction, a released loop, a blocking."""
+def indicate(q: Record, bit: int, on: int) -> None:
+    """A bit of pickup that is no start - a direction, a blocking - or several from there on, as a mask."""
     q.pickup |= np.uint64(on) << np.uint64(bit)
 
 

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError
 from faultloop.relay import layout
-from faultloop.relay.chain import Block, decide
+from faultloop.relay.chain import decide
 from faultloop.relay.estimators import ROW, Estimator, build_estimator, estimator_methods, make_estimator
 from faultloop.relay.events import Event, Names, Outputs
 from faultloop.relay.functions.function import Polygon
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
-from faultloop.relay.quantities import LOOPS
+from faultloop.relay.quantities import INPUTS, LOOPS, OUTPUTS
 from faultloop.relay.settings import RelaySettings
 from faultloop.relay.step import block_runner
 from faultloop.relay.texts import change_texts
@@ -69,7 +69,8 @@ class Relay:
         self._instances = layout.instances(settings, self._elements)
         self._constants = layout.constants(settings, self.estimator.settling_samples, self._instances)
         self._state = layout.initial_state()
-        self._shared = self._state["shared"][0]
+        self._inputs = layout.neighbours(self._state, INPUTS)
+        self._outputs = layout.neighbours(self._state, OUTPUTS)
         self._measure_constants, self._measure_state = _measuring(settings, self._constants["shared"][0])
         # A structured array is copied field by field (17 us for a relay's), its bytes at once (1 us).
         self._state_bytes = self._state.view(np.uint8)
@@ -84,7 +85,7 @@ class Relay:
         self.events: list[Event] = []
         self.sample_count = 0
         self._last_words = (0, 0)
-        self._last_outputs = (Outputs(), 0)
+        self._last_outputs = [0, 0, 0, 0]
         self._capacity = 0
         self._reserve(FIRST_CAPACITY)
         self.phasors, self.loops = self._phasors[:0], self._loops[:0]
@@ -93,8 +94,7 @@ class Relay:
     @property
     def outputs(self) -> Outputs:
         """The outputs at the last sample done."""
-        q = self._shared
-        return Outputs(int(q["poles"]), int(q["close_poles"]), int(q["pilot"]))
+        return Outputs(*self._outputs[:3].tolist())
 
     @property
     def fault_location(self) -> float:
@@ -119,8 +119,7 @@ class Relay:
             raise ValueError(f"samples must be (n, 6) with n >= 1, not {samples.shape}")
         samples = np.ascontiguousarray(samples, np.float64)
         self._reserve(len(samples))
-        self._shared["closed"] = self.inputs.breaker_closed
-        self._shared["received"] = self.inputs.pilot
+        self._inputs[0], self._inputs[1] = self.inputs.breaker_closed, self.inputs.pilot
         before = self._save_ahead()
         done = self._run(samples)
         if done < len(samples):  # what runs ahead of the decision goes back and follows it
@@ -173,8 +172,8 @@ class Relay:
     def _run(self, samples: Array) -> int:
         self._measure(samples)
         n = len(samples)
-        block = Block(samples, self._phasors[:n], self._loops[:n])
-        done = decide(self._constants, self._state, block, self._words[:n])
+        phasors, loops, words = self._phasors[:n], self._loops[:n], self._words[:n]
+        done = decide(self._constants, self._state, samples, phasors, loops, words)
         for element in self._elements:
             if (error := element.error) is not None:  # whatever a user's function raises
                 what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
@@ -200,15 +199,15 @@ class Relay:
         """Events of the samples just done: where a bit changed, and what the functions have to tell."""
         self.events = []
         words = self._words[:done]
-        if self._shared["changed"]:
+        *outputs, changed = self._outputs.tolist()
+        if changed:
             last = np.array(self._last_words, np.uint64)
-            changed = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
-            for n in np.flatnonzero(changed):
+            different = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
+            for n in np.flatnonzero(different):
                 now = (int(words[n, 0]), int(words[n, 1]))
                 texts = change_texts(self._instances, self.bits, self._last_words, now)
                 self.events += [Event(self.sample_count + int(n), "info", text) for text in texts]
                 self._last_words = now
-        outputs = (self.outputs, int(self._shared["notices"]))
         if outputs != self._last_outputs:
             self._last_outputs = outputs
             self._tell_notices(self.sample_count + done - 1)  # the block has stopped at that sample

@@ -332,7 +332,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     reach us - leaves it as it is."""
     if not q.disturbed:
         reset_zone(w)
-    elif q.fed:
+        return
+    if q.fed:
         blocked = (q.blocked_zones >> c.number) & 1
         step_zone(g, q, c, w, 0 if blocked else q.released & c.loops & ~q.blocked_loops)
         q.zone_started |= w.pickup

@@ -145,8 +145,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         w.count = 0
     q.fault = w.fault
     q.released = released(g, q, w.fault)
-    for loop in range(6):
-        indicate(q, c.bit + loop, (q.released >> loop) & 1)
+    indicate(q, c.bit, q.released)
 
 
 PHS = Function(

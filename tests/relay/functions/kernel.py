@@ -33,13 +33,16 @@ class Kernel:
         quantities.clear(self.q)
         self.q["settled"] = self.q["ready"] = 1
 
-    def step(self, phasors: Any = None, count: int = 1) -> None:
-        """``count`` samples, what is published cleared before each; of phasors (6,) where they are given."""
+    def step(self, phasors: Any = None, count: int = 1, **published: Any) -> None:
+        """``count`` samples, of phasors (6,) where they are given; what is published cleared before each, but
+        for what earlier functions are said to have ``published``."""
         if phasors is not None:
             self.q["x"] = phasors
             quantities.sequences(self.q["x"], self.q["sequence"])
         for _ in range(count):
             quantities.forget(self.q)
+            for key, value in published.items():
+                self.q[key] = value
             self.function.step(self.g, self.q, self.c, self.w)
 
     def disturb(self, before: Any, now: Any, age: int = 1) -> None:

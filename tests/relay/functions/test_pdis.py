@@ -1,0 +1,114 @@
+"""PDIS by itself: the depth of a bolted fault is its distance over the reach; start, timer, blocking."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from faultloop.relay.functions.pdis import PDIS, depth
+from faultloop.relay.quantities import FAULTS, LOOPS, THREE_PHASE
+from tests.relay.functions.kernel import Kernel
+from tests.relay.functions.test_phs import LOOP, NETWORKS
+from tests.relay.network import Network
+
+QUAD = {"characteristic": "quad", "resistive_reach_ohm": 40.0}
+SHAPES: dict[str, dict[str, Any]] = {
+    "memory": {},
+    "cross": {"polarization": "cross"},
+    "self": {"polarization": "self"},
+    "offset": {"direction": "none"},
+    "quad": QUAD,
+}
+STRONG = NETWORKS["strong"]
+
+
+def zone(kind: str, at: float, network: Network = STRONG, **table: Any) -> tuple[Kernel, dict[str, int]]:
+    """A zone in a fault, and what PHS and RDIR say of it."""
+    k = Kernel(PDIS, {"zone": 1} | table)
+    k.disturb(network.solve(), network.solve(kind, at))
+    fault = FAULTS.index(LOOP.get(kind, kind))
+    k.q["polarizing"] = network.solve()[0]  # balanced before: V1 is phase A
+    mask = 0b111000 if fault == THREE_PHASE else 1 << (fault - 1)
+    return k, {"fault": fault, "released": mask, "direction": 1 if at >= 0 else -1}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("kind", ["AG", "BG", "CG", "AB", "BC", "CA", "ABG", "ABC"])
+def test_the_depth_of_a_bolted_fault_is_its_distance_over_the_reach(shape: str, kind: str) -> None:
+    for network in NETWORKS.values():
+        for at in (0.1, 0.5, 0.9):
+            k, said = zone(kind, at, network, reach_pu=0.8, **SHAPES[shape])
+            for loop in range(6):
+                if said["released"] >> loop & 1:
+                    m = depth(k.g, k.q, k.c, loop)
+                    exact = at / 0.8
+                    if shape in ("cross", "self"):  # a twentieth of the reach more, on either side
+                        assert m == pytest.approx(exact, rel=0.02), LOOPS[loop]
+                    else:
+                        assert m == pytest.approx(exact, rel=2e-4), LOOPS[loop]
+
+
+@pytest.mark.parametrize(("at", "samples"), [(0.3, 8), (0.5, 12), (0.68, 48), (0.76, 96)])
+def test_the_closer_to_the_reach_the_longer_it_must_stay_inside(at: float, samples: int) -> None:
+    """A cycle is 96 samples: a twelfth, an eighth, a half, a whole one."""
+    k, said = zone("AG", at, reach_pu=0.8)
+    k.step(count=samples - 1, **said)
+    assert (k.q["pickup"], k.q["zone_started"], k.q["inside"]) == (0, 0, 1)
+    k.step(**said)
+    assert (k.q["pickup"], k.q["zone_started"]) == (1, 1)
+    assert k.q["request"]["made"] == 1  # no delay
+
+
+def test_beyond_the_reach_or_behind_nothing_starts() -> None:
+    for at, more in ((0.81, {}), (-0.1, {}), (0.5, {"direction": "reverse"})):
+        k, said = zone("BC", at, reach_pu=0.8, **more)
+        k.step(count=500, **said)
+        assert (k.q["pickup"], k.q["inside"]) == (0, 0), at
+
+
+def test_the_timer_counts_from_the_start_and_each_kind_has_its_own() -> None:
+    for kind, samples in (("AG", 48), ("AB", 96)):
+        k, said = zone(kind, 0.1, reach_pu=0.8, delay_ground_ms=10.0, delay_phase_ms=20.0)
+        k.step(count=8, **said)
+        assert k.q["pickup"] == 1
+        k.step(count=samples - 1, **said)
+        assert k.q["operate"] == 0
+        k.step(**said)
+        assert (k.q["operate"], k.q["request"]["fault"]) == (1, said["fault"])
+
+
+@pytest.mark.parametrize("block", [{"blocked_zones": 1}, {"blocked_loops": 0b000001}])
+def test_a_blocked_zone_does_not_start_and_drops_out(block: dict[str, int]) -> None:
+    k, said = zone("AG", 0.1, reach_pu=0.8)
+    k.step(count=100, **said, **block)
+    assert k.q["pickup"] == 0
+    k.step(count=8, **said)
+    assert k.q["pickup"] == 1
+    k.step(count=12, **said, **block)  # an eighth of a cycle
+    assert k.q["pickup"] == 0
+    others = {"blocked_zones": 0b10} if "blocked_zones" in block else {"blocked_loops": 0b111110}
+    k.step(count=8, **said, **others)
+    assert k.q["pickup"] == 1
+
+
+def test_a_voltage_alone_and_rest_start_nothing() -> None:
+    k, said = zone("AG", 0.1, reach_pu=0.8)
+    k.q["fed"] = 0
+    k.step(count=100, **said)
+    assert k.q["pickup"] == 0
+    k.q["fed"] = 1
+    k.step(count=8, **said)
+    assert k.q["pickup"] == 1
+    k.q["disturbed"] = 0
+    k.step(**said)
+    assert (k.q["pickup"], k.q["operate"], k.q["request"]["made"]) == (0, 0, 0)
+
+
+def test_a_zone_that_does_not_trip_and_the_pilot_zone() -> None:
+    data = {"ptrc": {"zones": [], "pilot_zone": 1}}
+    k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8}, **data)
+    k.disturb(STRONG.solve(), STRONG.solve("AG", 0.1))
+    k.q["polarizing"] = STRONG.solve()[0]
+    k.step(count=8, fault=1, released=1, direction=1)
+    assert (k.q["operate"], k.q["request"]["made"], k.q["pilot"]) == (1, 0, 1)

@@ -1,0 +1,69 @@
+"""PHS by itself: the type of every fault from phasors of a network solved in phase coordinates."""
+
+from __future__ import annotations
+
+import pytest
+
+from faultloop.relay.functions.phs import PHS
+from faultloop.relay.quantities import FAULTS, LOOPS
+from tests.relay.functions.kernel import Kernel
+from tests.relay.network import TYPES, Network
+
+NETWORKS = {
+    "strong": Network(),
+    "weak": Network(zs1=20 + 300j, zs0=30 + 400j),
+    "import": Network(angle_deg=20),
+}
+LOOP = {"ABG": "AB", "BCG": "BC", "CAG": "CA", "ABCG": "ABC"}
+SIXTEENTH = 6  # samples of 96
+
+
+def disturbed(network: Network, kind: str, at: float = 0.5, **fault: float) -> Kernel:
+    """Just settled in the fault's state: nothing has moved within a snapshot, something within a cycle."""
+    k = Kernel(PHS, {})
+    k.disturb(network.solve(), network.solve(kind, at, **fault))
+    k.q["memory"]["drift"], k.q["memory"]["moving"] = 0.0, 1
+    return k
+
+
+@pytest.mark.parametrize("network", NETWORKS)
+@pytest.mark.parametrize("kind", TYPES)
+def test_every_type_is_told(network: str, kind: str) -> None:
+    for at in (-0.5, 0.05, 0.5, 0.95):
+        k = disturbed(NETWORKS[network], kind, at)
+        k.step(count=SIXTEENTH)
+        wanted = LOOP.get(kind, kind)
+        assert FAULTS[int(k.q["fault"])] == wanted, at
+        released = {loop for bit, loop in enumerate(LOOPS) if int(k.q["pickup"]) >> bit & 1}
+        assert released == ({"AB", "BC", "CA"} if wanted == "ABC" else {wanted})
+
+
+def test_a_type_must_stand_for_a_sixteenth_of_a_cycle_or_a_cycle_while_it_moves() -> None:
+    k = disturbed(NETWORKS["strong"], "AG")
+    k.step(count=SIXTEENTH - 1)
+    assert (k.q["fault"], k.q["pickup"]) == (0, 0)
+    k = disturbed(NETWORKS["strong"], "AG")
+    k.q["memory"]["drift"] = float("inf")
+    k.step(count=95)
+    assert k.q["fault"] == 0
+    k.step()
+    assert FAULTS[int(k.q["fault"])] == "AG"
+
+
+def test_a_pole_that_is_open_or_carries_nothing_has_no_loops() -> None:
+    k = disturbed(NETWORKS["strong"], "ABC")
+    k.q["closed"] = 0b110
+    k.step(count=SIXTEENTH)
+    assert int(k.q["released"]) == 1 << LOOPS.index("BC")
+    k.q["closed"] = 7
+    k.q["x"][5] = 0.0
+    k.step()
+    assert int(k.q["released"]) == 1 << LOOPS.index("AB")
+
+
+def test_at_rest_there_is_no_fault() -> None:
+    k = disturbed(NETWORKS["strong"], "BC")
+    k.step(count=SIXTEENTH)
+    k.q["disturbed"] = 0
+    k.step()
+    assert (k.q["fault"], k.q["released"], k.q["pickup"]) == (0, 0, 0)

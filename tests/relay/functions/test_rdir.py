@@ -1,0 +1,68 @@
+"""RDIR by itself: every type, forward and behind, in the first two cycles and after them."""
+
+from __future__ import annotations
+
+import pytest
+
+from faultloop.relay.functions.rdir import RDIR
+from faultloop.relay.quantities import FAULTS
+from tests.relay.functions.kernel import Kernel
+from tests.relay.functions.test_phs import LOOP, NETWORKS
+from tests.relay.network import TYPES, Network
+
+SIXTEENTH = 6
+FORWARD, REVERSE = 0b01, 0b10
+
+
+def fault(network: Network, kind: str, at: float, age: int = 1, **table: float) -> Kernel:
+    k = Kernel(RDIR, table)
+    k.disturb(network.solve(), network.solve(kind, at), age)
+    k.q["fault"] = FAULTS.index(LOOP.get(kind, kind))
+    return k
+
+
+@pytest.mark.parametrize("network", NETWORKS)
+@pytest.mark.parametrize("kind", TYPES)
+@pytest.mark.parametrize("age", [1, 500])  # 500 samples: five cycles, the memory still polarizes
+def test_every_type_has_its_direction(network: str, kind: str, age: int) -> None:
+    for at, bit in ((0.02, FORWARD), (0.5, FORWARD), (0.98, FORWARD), (-0.02, REVERSE), (-1.0, REVERSE)):
+        k = fault(NETWORKS[network], kind, at, age)
+        k.step(count=SIXTEENTH)
+        assert int(k.q["pickup"]) == bit, at
+        assert int(k.q["direction"]) == (1 if bit == FORWARD else -1)
+
+
+def test_it_waits_for_the_type_and_a_sixteenth_of_a_cycle() -> None:
+    k = fault(NETWORKS["strong"], "AG", 0.5)
+    k.step(count=SIXTEENTH - 1)
+    assert k.q["direction"] == 0
+    k = fault(NETWORKS["strong"], "AG", 0.5)
+    k.q["fault"] = 0
+    k.step(count=50)
+    assert k.q["direction"] == 0
+
+
+def test_the_polarizing_voltage_is_remembered_and_fades() -> None:
+    """200 ms of the voltage before, then within 100 ms the present one."""
+    before, now = NETWORKS["strong"].solve(), NETWORKS["strong"].solve("ABC", 0.0)
+    v1 = (before[0] + before[1] * 1j ** (4 / 3) + before[2] * 1j ** (8 / 3)) / 3
+    for age, share in ((1, 1.0), (960, 1.0), (1200, 0.5), (1440, 0.0)):
+        k = fault(NETWORKS["strong"], "ABC", 0.0, age)
+        k.step()
+        rest = (now[0] + now[1] * 1j ** (4 / 3) + now[2] * 1j ** (8 / 3)) / 3
+        assert complex(k.q["polarizing"]) == pytest.approx(
+            share * v1 + (1 - share) * rest, abs=1e-6 * abs(v1)
+        )
+
+
+def test_an_open_line_and_rest_have_no_direction() -> None:
+    k = fault(NETWORKS["strong"], "AG", 0.5)
+    k.step(count=SIXTEENTH)
+    k.q["x"][3:] = 0.0
+    k.step()
+    assert k.q["direction"] == 0
+    k = fault(NETWORKS["strong"], "AG", 0.5)
+    k.step(count=SIXTEENTH)
+    k.q["disturbed"] = 0
+    k.step()
+    assert (k.q["direction"], k.q["pickup"]) == (0, 0)
