@@ -21,7 +21,9 @@ MOST_NESTED = 32
 class Table(BaseModel):
     """A TOML table: unknown keys refused, numbers finite, never changed after validation."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
 
 def _pair(value: tuple[float, float]) -> tuple[float, float]:

@@ -22,11 +22,15 @@ class Header(Table):
     """``[relay]``"""
 
     frequency_hz: Literal[50, 60]
+    """Nominal."""
     sampling_hz: int = Field(default=4800, ge=400, le=100_000)
+    """Samples per second; at least 8 a cycle."""
     ohms: Literal["primary", "secondary"] = "primary"
+    """What every ohm, ampere and volt in the file is."""
     ct_ratio: Positive | None = None
     """Primary over secondary, as a plain number: 1200 A / 5 A is 240."""
     vt_ratio: Positive | None = None
+    """The same of the voltage transformer; secondary values need both."""
     nominal_kv: Positive | None = None
     """Line-to-line RMS, primary.  With it a dead line is one below 10 % of it, without it one below 1 V."""
 
@@ -45,6 +49,7 @@ class EstimatorSettings(Table):
     model_config = ConfigDict(extra="allow", frozen=True, strict=True, allow_inf_nan=False)
 
     method: str = "kalman-bank"
+    """A name of docs/estimators.md, `file.py:make` of your own, or an entry point's name."""
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -56,8 +61,11 @@ class LineSettings(Table):
     """``[line]``: the whole protected line."""
 
     z1_ohm: ComplexOhm
+    """Positive-sequence impedance, [r, x]."""
     z0_ohm: ComplexOhm
+    """Zero-sequence impedance, [r, x]."""
     length_km: Positive | None = None
+    """With it a fault's location is told in km, too."""
 
     @model_validator(mode="after")
     def _inductive(self) -> LineSettings:
@@ -139,6 +147,12 @@ class RelaySettings(Tables):
     def amperes(self, value: float | None, default: float) -> float:
         """A current setting in primary amperes; ``default`` (primary) where it was not given."""
         return default if value is None else value * self.ct_ratio
+
+    @property
+    def user_code(self) -> dict[str, str]:
+        """What in these settings names code of the user's own, by key; reading them has run none of it."""
+        named = {f"element[{element.name}].function": element.function for element in self.element}
+        return named | ({"estimator.method": self.estimator.method} if ":" in self.estimator.method else {})
 
     def samples(self, ms: float) -> int:
         """A time in samples."""

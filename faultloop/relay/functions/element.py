@@ -30,6 +30,7 @@ class ElementSettings(Table):
     model_config = ConfigDict(extra="allow", frozen=True, strict=True, allow_inf_nan=False)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=32)]
+    """Of its bits, and in a trip; not that of a built-in function."""
     function: Annotated[str, Field(pattern=r"^(.+:)?[A-Za-z_][A-Za-z0-9_-]*$")]
     """``file.py:NAME`` relative to the settings file, ``package.module:NAME``, or an entry point's name."""
     state: tuple[Number, ...] = Field(default=(), strict=False, max_length=4096)

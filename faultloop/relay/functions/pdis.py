@@ -77,14 +77,19 @@ class Pdis(Table):
     """``[[pdis]]``: one distance zone."""
 
     zone: int = Field(ge=1, le=99)
+    """Its number; several tables may be of one zone, for ground and phase loops."""
     direction: Literal["forward", "reverse", "none"] = "forward"
+    """Into the line, away from it, or both."""
     characteristic: Literal["mho", "quad"] = "mho"
+    """A circle, or a quadrilateral."""
     polarization: Literal["self", "cross", "memory"] | None = None
     """Of a mho; "memory" where not given."""
     loops: Literal["all", "ground", "phase"] = "all"
+    """Which loops it measures."""
     reach_pu: Positive | None = None
     """Of the line's positive-sequence impedance."""
     reach_ohm: Positive | None = None
+    """In place of ``reach_pu``."""
     angle_deg: Annotated[float, Field(gt=0, le=90)] | None = None
     """Of the reach; the line's angle where not given."""
     resistive_reach_ohm: Positive | None = None
@@ -96,8 +101,11 @@ class Pdis(Table):
     residual_compensation_factor: ComplexFactor | None = None
     """k0; (z0 - z1) / (3 z1) of the line where not given."""
     delay_ms: Milliseconds = 0.0
+    """From start to operate."""
     delay_phase_ms: Milliseconds | None = None
+    """The same of faults between phases; ``delay_ms`` where not given."""
     delay_ground_ms: Milliseconds | None = None
+    """The same of one-phase faults; ``delay_ms`` where not given."""
     minimum_current_a: Positive | None = None
     """Of the loop current (phase-phase, or compensated); 20 A primary where not given."""
     minimum_residual_current_a: Positive | None = None

@@ -89,6 +89,7 @@ class Ptoc(Table):
     dropout_ratio: Annotated[float, Field(ge=0.5, le=1)] = 0.95
     """Below this part of the pickup the start drops out."""
     curve: Curve = "definite-time"
+    """Operating time over current; docs/relay.md has the formulas."""
     time_multiplier: Annotated[float, Field(ge=0.01, le=100)] | None = None
     """Of an inverse curve: multiplies its times (time dial); 1 where not given."""
     delay_ms: Milliseconds | None = None

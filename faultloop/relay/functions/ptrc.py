@@ -24,6 +24,7 @@ class Ptrc(Table):
     """``[ptrc]``: trip logic."""
 
     mode: Literal["three-pole", "single-pole"] = "three-pole"
+    """Single-pole: one pole for a one-phase fault, three for every other."""
     zones: tuple[int, ...] | None = Field(default=None, strict=False)
     """The zones that trip; all where not given."""
     minimum_trip_ms: Milliseconds = 80.0

@@ -34,6 +34,7 @@ class Rflo(Table):
     """``[rflo]``: fault location."""
 
     method: Literal["takagi", "reactance"] = "takagi"
+    """With or without the compensation of load and fault resistance."""
 
 
 def values(settings: RelaySettings, table: Rflo) -> dict[str, Any]:
