@@ -18,7 +18,10 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer cases and seeds.")] = False,
 ) -> int:
-    """Run a study and hold its figures against their limits.  Exit status 3 where one is missed."""
+    """Run a study and hold its figures against their limits.
+
+    Exit status 3 where one is missed.  A published figure beyond a bound that is stated is none.
+    """
     from faultloop.cli.output import announce_compilation, console, print_json, progress_bar, table
     from faultloop.io.output_file import write_aside
     from faultloop.study.report import cell, check_table, write_page
@@ -38,6 +41,8 @@ def command(
         out = console()
         for report in reports:
             out.print(report.title, markup=False, highlight=False, style="bold")
+            if report.failed:
+                out.print(f"not made: {report.failed}", markup=False, style="red")
             for line in report.text:
                 out.print(line, markup=False)
             for shown in [*report.tables, *([check_table(report)] if report.checks else [])]:

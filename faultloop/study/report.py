@@ -1,4 +1,8 @@
-"""What a suite ends with: tables, checks against limits, figures; as text, one JSON object, or a page."""
+"""What a suite ends with: tables, checks against limits, figures; as text, one JSON object, or a page.
+
+A limit is held, missed, or one that nobody could hold: a published figure beyond a bound that is stated with
+its reason.  Only what is missed makes a suite fail.
+"""
 
 from __future__ import annotations
 
@@ -24,30 +28,55 @@ class Table:
 
 @dataclass(frozen=True)
 class Check:
-    """A figure against its limit: held if ``value <= limit`` (``at_least``: if ``value >= limit``)."""
+    """A figure against its limit: held if ``value <= limit`` (``at_least``: if ``value >= limit``).
+
+    Attributes
+    ----------
+    bound : the best that anything could do, where that is known.  A limit beyond it is no failure.
+    because : what shows the bound, for the reader.
+    """
 
     what: str
     value: float
     limit: float
     unit: str = ""
     at_least: bool = False
+    bound: float | None = None
+    because: str = ""
 
     @property
     def margin(self) -> float:
         """How far on the right side, in the value's unit; negative where missed."""
-        return self.value - self.limit if self.at_least else self.limit - self.value
+        return float(self.value - self.limit if self.at_least else self.limit - self.value)
 
     @property
     def held(self) -> bool:
         """A NaN never holds."""
         return self.margin >= 0
 
+    @property
+    def out_of_reach(self) -> bool:
+        """Not held, and the limit lies beyond the bound."""
+        if self.held or self.bound is None or math.isnan(self.value):
+            return False
+        return self.bound < self.limit if self.at_least else self.bound > self.limit
+
+    @property
+    def status(self) -> str:
+        """``held``, ``MISSED``, or ``published, not reached: bound`` with the bound and its reason."""
+        if self.held:
+            return "held"
+        if not self.out_of_reach:
+            return "MISSED"
+        return f"published, not reached: bound {cell(self.bound)}{f' {self.unit}'.rstrip()} ({self.because})"
+
 
 @dataclass
 class Report:
     """The result of one suite, or of one part of it.
 
-    ``figures`` are plotly figures with their titles; they are drawn on the page only.
+    ``figures`` are plotly figures with their titles; they are drawn on the page only.  ``failed`` is why the
+    report could not be made, in one line; what is in it by then stands.
     """
 
     name: str
@@ -56,11 +85,12 @@ class Report:
     tables: list[Table] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
     figures: list[tuple[str, Any]] = field(default_factory=list)
+    failed: str = ""
 
     @property
     def held(self) -> bool:
-        """No limit was missed."""
-        return all(check.held for check in self.checks)
+        """No limit was missed but those that nobody could hold."""
+        return not self.failed and all(check.held or check.out_of_reach for check in self.checks)
 
     def as_dict(self) -> dict[str, Any]:
         """For ``--json``."""
@@ -68,6 +98,7 @@ class Report:
             "name": self.name,
             "title": self.title,
             "held": self.held,
+            "failed": self.failed or None,
             "text": self.text,
             "tables": [
                 {
@@ -78,7 +109,9 @@ class Report:
                 }
                 for t in self.tables
             ],
-            "checks": [vars(c) | {"margin": c.margin, "held": c.held} for c in self.checks],
+            "checks": [
+                vars(c) | {"margin": c.margin, "held": c.held, "status": c.status} for c in self.checks
+            ],
         }
 
 
@@ -94,7 +127,7 @@ def check_table(report: Report) -> Table:
     rows = []
     for c in report.checks:
         limit = f"{'>=' if c.at_least else '<='} {cell(c.limit)}"
-        rows.append(("held" if c.held else "MISSED", c.what, cell(c.value), limit, cell(c.margin), c.unit))
+        rows.append((c.status, c.what, cell(c.value), limit, cell(c.margin), c.unit))
     return Table("Checks", ("", "what", ">value", ">limit", ">margin", "unit"), rows)
 
 
@@ -111,6 +144,8 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
     plotly: bool | str = True
     for report in reports:
         parts.append(f"<h1>{escape(report.title)}</h1>")
+        if report.failed:
+            parts.append(f"<p class=missed>not made: {escape(report.failed)}</p>")
         parts += [f"<p>{escape(line)}</p>" for line in report.text]
         tables = [*report.tables, *([check_table(report)] if report.checks else [])]
         parts += [_html_table(table) for table in tables]
@@ -122,7 +157,7 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
         "body{font:15px sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}"
         "table{border-collapse:collapse;margin:.5em 0 1.5em}"
         "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd}"
-        "td.r,th.r{text-align:right}td.missed{color:#b00;font-weight:bold}"
+        "td.r,th.r{text-align:right}td.missed,p.missed{color:#b00;font-weight:bold}"
     )
     head = f"<!doctype html><meta charset='utf-8'><title>faultloop</title><style>{style}</style>"
     path.write_text(head + "".join(parts), encoding="utf-8")

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from faultloop.errors import InputError
+from faultloop.study.papers.ckmc.cases import data_folder
 from faultloop.study.papers.ckmc.machines import (
     Exciter,
     LineFault,
@@ -29,8 +30,8 @@ EXCITER = Exciter(gain=20.0)
 
 
 @pytest.fixture(scope="module")
-def system(shared: Path) -> System:
-    return with_damping(read_system(shared / "ieee39"), 1.0)
+def system() -> System:
+    return with_damping(read_system(data_folder()), 1.0)
 
 
 def test_at_rest_nothing_moves(system: System) -> None:
@@ -147,11 +148,9 @@ def test_currents_jump_where_the_network_is_switched(system: System) -> None:
         ("generators.csv", "6.56,1.5,30.3", "6.56,1.5,0", "h_s: should be positive"),
     ],
 )
-def test_wrong_data_is_named(
-    shared: Path, tmp_path: Path, file: str, old: str, new: str, message: str
-) -> None:
+def test_wrong_data_is_named(tmp_path: Path, file: str, old: str, new: str, message: str) -> None:
     for name in ("buses.csv", "branches.csv", "generators.csv"):
-        shutil.copyfile(shared / "ieee39" / name, tmp_path / name)
+        shutil.copyfile(data_folder() / name, tmp_path / name)
     text = (tmp_path / file).read_text(encoding="utf-8")
     assert old in text
     (tmp_path / file).write_text(text.replace(old, new, 1), encoding="utf-8")

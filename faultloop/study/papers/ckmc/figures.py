@@ -31,7 +31,7 @@ def swing(what: Plan) -> Any:
 
 def states(what: Plan, errors: Mapping[str, Errors], names: Sequence[str]) -> Any:
     """The four states of the first run: true and estimated."""
-    lines = [("true", "#000000", what.states)]
+    lines = [("true", "#000000", errors[names[0]].truth)]
     lines += [(n, c, errors[n].estimate) for n, c in zip(names, COLOURS, strict=True)]
     return _four(what, lines, "linear")
 

@@ -84,3 +84,13 @@ def measurement(x, u, p, out):
     out[0] = x[DELTA]
     out[1] = x[OMEGA]
     out[2], out[3] = terminal_voltage(x, u[8 + IR], u[8 + II], p)
+
+
+@njit
+def wander(noise, inputs, p, states, measurements):
+    """Eq. 1 with its w_k: the discrete model from ``states[0]`` on, and ``noise`` (t, 4) after every step."""
+    for k in range(1, len(inputs)):
+        transition(states[k - 1], inputs[k], p, states[k])
+        for i in range(4):
+            states[k, i] += noise[k, i]
+        measurement(states[k], inputs[k], p, measurements[k])

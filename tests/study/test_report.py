@@ -1,0 +1,60 @@
+"""Checks: held, missed, and published beyond a bound; the JSON of them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from faultloop.cli.output import print_json
+from faultloop.study.papers.published import Published, state
+from faultloop.study.report import Check, Report, check_table
+
+
+@pytest.mark.parametrize(
+    ("check", "status", "counts"),
+    [
+        (Check("a", 1.0, 2.0), "held", True),
+        (Check("a", 3.0, 2.0), "MISSED", False),
+        (
+            Check("a", 30.0, 78.0, "%", True, 42.0, "by hand"),
+            "published, not reached: bound 42 % (by hand)",
+            True,
+        ),
+        (Check("a", 3.0, 2.0, bound=2.5, because="x"), "published, not reached: bound 2.5 (x)", True),
+        # A bound that does not exclude the figure excuses nothing, on either side.
+        (Check("a", 30.0, 78.0, "%", True, 90.0, "x"), "MISSED", False),
+        (Check("a", 3.0, 2.0, bound=1.5, because="x"), "MISSED", False),
+        (Check("a", float("nan"), 2.0, bound=2.5, because="x"), "MISSED", False),
+        (Check("a", 80.0, 78.0, "%", True, 42.0, "wrong bound"), "held", True),
+    ],
+)
+def test_a_check_is_held_missed_or_beyond_a_bound(check: Check, status: str, counts: bool) -> None:
+    report = Report("r", "R", checks=[check])
+    assert check.status == status
+    assert report.held is counts
+    assert check_table(report).rows[0][0] == status
+    assert report.as_dict()["checks"][0]["status"] == status
+
+
+def test_held_is_a_boolean_in_json(capsys: pytest.CaptureFixture[str]) -> None:
+    """NumPy figures too: as text, "False" would be true to every reader."""
+    checks = [Check("a", np.float64(v), np.float64(1.0)) for v in (0.5, 2.0)]
+    print_json(Report("r", "R", checks=checks).as_dict() | {"more": [np.bool_(False), np.int64(3)]})
+    read = json.loads(capsys.readouterr().out)
+    assert [c["held"] for c in read["checks"]] == [True, False]
+    assert read["held"] is False and read["more"] == [False, 3]
+
+
+def test_a_published_figure_names_the_reading_that_reaches_it() -> None:
+    report = Report("r", "R")
+    state(report, [Published("t1", 2.5, {"as printed": 3.9, "radians": 2.4, "other": 1.0}, "ms")])
+    state(report, [Published("gain", 78.0, {"as printed": 30.0, "squared": 50.0}, "%", True, 66.0, "why")])
+    assert [row[-2:] for row in report.tables[0].rows] == [
+        ("radians", "reached"),
+        ("squared", "published, not reached: bound 66 % (why)"),
+    ]
+    assert len(report.tables) == 1 and report.held
+    state(report, [Published("t2", 1.0, {"a": 3.0, "b": float("nan")}, "ms")])
+    assert not report.held and report.tables[0].rows[-1][-1] == "MISSED"
