@@ -28,8 +28,10 @@ from faultloop.relay.estimators.disturbance import (
     FREQUENCY_HZ,
     HEADER,
     LEVEL,
+    LEVEL_DECAY,
     SAMPLING_HZ,
     SMALLEST,
+    VARIANCE_GAIN,
     N,
     follow_level,
     follow_variance,
@@ -69,7 +71,10 @@ HARMONIC_CHANGE = HEADER + 6
 SMOOTH_HZ = HEADER + 7  # low-pass of the frequency, for rocof
 AWAKE = HEADER + 8  # samples since the first voltage
 SETTLING = HEADER + 9  # of them until the frequency is reported
-SETTING = HEADER + 10
+BAND = HEADER + 10  # of the frequency, over nominal, either way
+MOST_AMPLITUDE = HEADER + 11  # over the peak
+WIDENING = HEADER + 12  # the most that fading may make of a variance, over the initial one
+SETTING = HEADER + 13
 WORK = SETTING + SETTINGS
 
 FREQUENCY_BAND = 0.2  # of nominal, either way
@@ -137,8 +142,8 @@ def prepare(state, f, c):
     for i in range(n - 1):
         f.Q[i, i] = quadrature
         f.disturbance[i] = state[HARMONIC_CHANGE] * level
-        f.widest[i] = state[INITIAL] * level
-    f.widest[n - 1] = state[FREQUENCY_INITIAL]
+        f.widest[i] = state[WIDENING] * state[INITIAL] * level
+    f.widest[n - 1] = state[WIDENING] * state[FREQUENCY_INITIAL]
     f.Q[n - 1, n - 1] = state[FREQUENCY_PROCESS]
     f.disturbance[0] = state[FUNDAMENTAL_CHANGE] * level
     f.disturbance[1] = f.disturbance[0]
@@ -161,7 +166,7 @@ def bound(state, f, c):
     """Keep the amplitudes and the frequency where they can be, and the frequency's variance within the
     initial one."""
     n = len(f.x)
-    most = LARGEST_AMPLITUDE**2 * state[LEVEL + c // 3] + SMALLEST
+    most = state[MOST_AMPLITUDE] ** 2 * state[LEVEL + c // 3] + SMALLEST
     for i in range(0, n - 1, 2):
         square = f.x[i] * f.x[i] + f.x[i + 1] * f.x[i + 1]
         if square > most:
@@ -169,9 +174,10 @@ def bound(state, f, c):
             f.x[i] *= shrink
             f.x[i + 1] *= shrink
     nominal = 2.0 * math.pi * state[FREQUENCY_HZ]
-    f.x[n - 1] = min(max(f.x[n - 1], (1.0 - FREQUENCY_BAND) * nominal), (1.0 + FREQUENCY_BAND) * nominal)
-    if f.P[n - 1, n - 1] > state[FREQUENCY_INITIAL]:
-        shrink = math.sqrt(state[FREQUENCY_INITIAL] / f.P[n - 1, n - 1])
+    f.x[n - 1] = min(max(f.x[n - 1], (1.0 - state[BAND]) * nominal), (1.0 + state[BAND]) * nominal)
+    widest = state[WIDENING] * state[FREQUENCY_INITIAL]
+    if f.P[n - 1, n - 1] > widest:
+        shrink = math.sqrt(widest / f.P[n - 1, n - 1])
         for i in range(n):  # a row and a column by one factor: still positive definite
             f.P[n - 1, i] *= shrink
             f.P[i, n - 1] *= shrink
@@ -280,6 +286,7 @@ def make_state(
     state[FREQUENCY_PROCESS] = number("frequency_process_variance", frequency_process_variance, above=0.0)
     state[SMOOTH_HZ] = frequency_hz
     state[SETTLING] = settling_samples(sampling_hz, frequency_hz)
+    state[BAND], state[MOST_AMPLITUDE], state[WIDENING] = FREQUENCY_BAND, LARGEST_AMPLITUDE, 1.0
     state[SETTING + STEP_S] = 1.0 / sampling_hz
     filter_of.py_func(state, 0).row[:] = measurement_row(n)
     for c in range(CHANNELS):
@@ -310,6 +317,14 @@ def set_fading(
     state[SETTING + SOFTENING] = number("softening_factor", softening_factor, least=1.0)
     state[SETTING + FORGETTING] = number("forgetting_factor", forgetting_factor, above=0.0, most=1.0)
     state[SETTING + FREQUENCY_SHARE] = number("frequency_share", frequency_share, least=0.0, most=1.0)
+
+
+def set_as_written(state: Array) -> None:
+    """R stays at its share of the greatest squared peak so far, and nothing is bounded: seed paper 001's "
+    "own."""
+    state[VARIANCE_GAIN] = 0.0
+    state[LEVEL_DECAY] = 1.0
+    state[BAND] = state[MOST_AMPLITUDE] = state[WIDENING] = math.inf
 
 
 def settling_samples(sampling_hz: int, frequency_hz: float) -> int:

@@ -1,4 +1,8 @@
-"""Recursive least squares (Li, Zhou 1993; seed paper 004): what the paper proves, put to the test.
+"""Recursive least squares (seed paper 004): what the paper proves, put to the test.
+
+Li Liezhong, Zhou Chao (Chengdu University of Science and Technology), "The application of recursive least
+squares in microprocessor protection" (Chinese; received in December 1992, printed in 1993; its text does not
+name the journal).
 
 The recursion here is the paper's own, eq. 2 to 4 with h(i) = [exp(-i Ts / Td), cos j w i Ts, sin j w i Ts]
 and P0 = alpha^2 I; beside it the package's ``rls``, which carries the square root of P.

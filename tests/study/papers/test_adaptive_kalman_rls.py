@@ -46,15 +46,34 @@ def test_the_paper_s_alpha_does_not_reach_the_batch_estimate_at_2n_plus_1() -> N
 
 
 def test_adaptive_kalman_report_and_what_the_rule_lacks() -> None:
-    """Nothing but the claim's own times may be missed; the rule as written never arrives."""
+    """Nothing but the claim's medians (of two angles) may be missed; the rule as written never arrives."""
     report = adaptive_kalman.report(quick=True)
     assert all("km, " in what for what in missed(report))
+    assert report.tables[0].title.startswith("What was published")
     assert any(check.what.startswith("eq. 10 unbiased") and check.held for check in report.checks)
     assert all(len(row) == len(table.columns) for table in report.tables for row in table.rows)
     assert len(report.figures) == 4
     voltages = next(table for table in report.tables if table.title == "Voltages").rows
     assert all(row[1:4] == ("never / never",) * 3 for row in voltages)
     assert not any("never" in str(cell) for row in voltages for cell in row[4:])
+
+
+def test_the_290_km_current_by_decay_constant_and_criterion() -> None:
+    """As a vector late with L / R, not from 1.1 to 1.5 L / R; by magnitude in time; the paper's hint late."""
+    records = [line.record("AG", 290.0, turn / 12) for turn in range(12)]
+    s = adaptive_kalman.signals(records, "AG", current=True)
+    rule = adaptive_kalman.rules_of(kf.DECAYING)[adaptive_kalman.FADING]
+    true, own = line.time_constant_s("AG", 290.0), line.line_time_constant_s("AG")
+    assert own == pytest.approx(0.0204, abs=1e-4)
+
+    def late(time_constant: float, error: adaptive_kalman.Error) -> float:
+        phasors = adaptive_kalman.filtered(s, rule, kf.DECAYING, time_constant)
+        return float(np.median(adaptive_kalman.stays_ms(phasors, s, error)))
+
+    assert late(true, adaptive_kalman.vector) > 10
+    assert all(late(factor * true, adaptive_kalman.vector) <= 10 for factor in (1.1, 1.2, 1.5))
+    assert late(true, adaptive_kalman.magnitude) <= 10
+    assert late(own, adaptive_kalman.vector) > 15
 
 
 @pytest.mark.parametrize("form", [kf.DECAYING, kf.INITIAL_VALUE])

@@ -96,6 +96,36 @@ def test_the_papers_cases():
         assert (row[3] > 0.1) == row[1].startswith("as written")
 
 
+def test_windows_of_40_and_60_ms_and_the_start_mend_nothing_of_what_is_written():
+    table = paper.windows_and_starts(quick=True)
+    assert {(row[2], row[3]) for row in table.rows} == {
+        (ms, start) for ms in (40.0, 60.0) for start in ("wide", "section 2.2")
+    }
+    for row in table.rows:
+        frequency = row[table.columns.index(">frequency [Hz]")]
+        assert (frequency > 0.1) == row[4].startswith("as written")
+        assert row[4].startswith("as written") or frequency < 5e-3
+
+
+def test_figures_show_millihertz():
+    """Nothing is clipped, and the errors stand on a logarithmic scale of their own."""
+    tracks = paper.step_tracks()
+    four, errors = paper.figures.four(tracks), paper.figures.errors(tracks)
+    assert all(axis.range is None for axis in four.select_yaxes())
+    assert all(axis.type == "log" for axis in errors.select_yaxes())
+    late = [line.y[-1] for line in errors.data if line.yaxis == "y3"]
+    assert len(late) == 3 and max(late) < 1e-3
+
+
+def test_the_least_squares_start_waits_for_its_window():
+    wave = paper.STEPS["220 to 190 V"]
+    t, phasor, _ = paper.run(wave, 400, 0.4, start="least-squares")
+    error = np.abs(phasor - wave.phasor(t)) / np.abs(wave.phasor(t))
+    filled = (t >= 0.2 + 0.050 - 1e-9) | ((t > 0.06) & (t < 0.2))
+    assert error[filled].max() < 1e-4
+    assert error[(t >= 0.2) & (t < 0.24)].min() > 0.05  # until then the last polynomial goes on
+
+
 def test_a_rate_is_found_at_full_rate():
     wave = paper.deviating(0.4, 0.5)
     _, frequency, rocof, _ = paper.errors_of(wave, 4800)

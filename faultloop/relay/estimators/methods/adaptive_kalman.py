@@ -1,4 +1,8 @@
-"""Adaptive Kalman filter (Zhang, Chen; seed paper 000): noise variance on line, offset in the currents.
+"""Adaptive Kalman filter: the variance of the noise found on line, the decaying offset in the currents'
+model.
+
+Zhang Zhe, Chen Deshu, "Application of the adaptive Kalman filter in computer relaying" (Chinese; its text
+names neither journal nor year), Huazhong University of Science and Technology: seed paper 000.
 
 Voltages have two states, the phasor (eq. 1, 2); currents three, the phasor and the offset, in either of two
 forms:
@@ -24,6 +28,11 @@ for ever:
   5 % after 38 ms at the worst inception; without this noise by 30 %, and not within 160 ms.
 - The covariance is renewed at a detected disturbance; the variance is averaged and has a floor
   (disturbance.py).
+
+``form = "as-written"`` is without all of them: R of a sample is eq. 10 of that sample alone, cut at zero,
+P(0) is taken once, at the first sample that is not zero, and there is no process noise.  It then does not
+arrive at a fault within any useful time: an inception makes R as large as the innovation (the study of the
+paper shows it).
 """
 
 from __future__ import annotations
@@ -36,12 +45,16 @@ from faultloop.jit import njit
 from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Estimator
 from faultloop.relay.estimators.disturbance import (
     DETECTION_THRESHOLD,
+    FLOOR,
     FREQUENCY_HZ,
     HEADER,
     LEVEL,
     NOISE_FLOOR,
+    RENEWALS,
     SAMPLING_HZ,
     SMALLEST,
+    VARIANCE,
+    VARIANCE_GAIN,
     WAVE_NOISE,
     N,
     compare,
@@ -55,6 +68,7 @@ from faultloop.relay.estimators.disturbance import (
 from faultloop.relay.estimators.parameters import choice, number, samples_per_cycle
 from faultloop.relay.estimators.reference import PEAK_TO_RMS, reference
 
+LEAST = 1e-24  # of a variance as written, over the squared peak: no 0 / 0
 VOLTAGE_SPREAD = 1.0  # of the renewed covariance, over the peak: a fault does not raise a voltage
 PROCESS = HEADER  # process noise of the phasor per sample, over R
 OFFSET_PROCESS = HEADER + 1  # process noise of the offset per sample, over its square
@@ -175,17 +189,19 @@ def correct_currents(state, x, cos, sin):
 
 
 @njit
-def adaptive_kalman_step(state, x, out):
+def predict(state, x):
+    """Innovations of the six channels; cos and sin of the reference."""
     follow_level(state, x)
     cos, sin = reference(state[N], state[SAMPLING_HZ], state[FREQUENCY_HZ])
     d = state[OFFSET_ROW] * state[OFFSET_ROW_DECAY]
     state[OFFSET_ROW] = d if d > 1e-30 else 0.0  # no denormal numbers here either
     predict_voltages(state, x, cos, sin)
     predict_currents(state, x, cos, sin)
-    for c in range(CHANNELS):
-        compare(state, c, state[INNOVATION + c], state[PREDICTED + c])
-    if is_disturbed(state):
-        renew(state)
+    return cos, sin
+
+
+@njit
+def correct_and_report(state, x, cos, sin, out):
     correct_voltages(state, x, cos, sin)
     correct_currents(state, x, cos, sin)
     for c in range(3):
@@ -200,6 +216,32 @@ def adaptive_kalman_step(state, x, out):
     state[N] += 1.0
 
 
+@njit
+def adaptive_kalman_step(state, x, out):
+    cos, sin = predict(state, x)
+    for c in range(CHANNELS):
+        compare(state, c, state[INNOVATION + c], state[PREDICTED + c])
+    if is_disturbed(state):
+        renew(state)
+    correct_and_report(state, x, cos, sin, out)
+
+
+@njit
+def as_written_step(state, x, out):
+    cos, sin = predict(state, x)
+    if state[RENEWALS] == 0.0 and state[LEVEL] + state[LEVEL + 1] > 0.0:
+        renew(state)
+        state[RENEWALS] = 1.0
+    for c in range(CHANNELS):
+        e = state[INNOVATION + c]
+        state[PREDICTED + c] = max(state[PREDICTED + c], 0.0)  # rounding, where R was zero
+        state[VARIANCE + c] = max(0.0, e * e - state[PREDICTED + c])  # eq. 10
+    correct_and_report(state, x, cos, sin, out)
+
+
+STEPS = {"relay": adaptive_kalman_step, "as-written": as_written_step}
+
+
 def make(
     sampling_hz: int,
     frequency_hz: float,
@@ -212,6 +254,7 @@ def make(
     noise_floor: float = NOISE_FLOOR,
     detection_threshold: float = DETECTION_THRESHOLD,
     wave_noise: float = WAVE_NOISE,
+    form: str = "relay",
 ) -> Estimator:
     """Adaptive Kalman filter.
 
@@ -226,6 +269,8 @@ def make(
     wave_noise : standard deviation that a disturbance adds, over the same peak; its variance decays within
         a fifth of a cycle.
     detection_threshold : squared normalised innovation that is a disturbance.
+    form : ``relay``, or ``as-written``, in which of these parameters offset, time_constant_ms and
+        renewal_spread (for P(0)) have a part.
 
     Raises InputError below 6 samples per cycle or for a parameter outside its limits.
     """
@@ -245,4 +290,7 @@ def make(
     else:
         state[TRANSITION], state[OFFSET_ROW_DECAY] = 1.0, decay
     state[OFFSET_ROW] = 1.0
-    return Estimator("adaptive-kalman", adaptive_kalman_step, state, math.ceil(per_cycle))
+    if choice("form", form, tuple(STEPS)) == "as-written":
+        state[PROCESS] = state[OFFSET_PROCESS] = state[VARIANCE_GAIN] = 0.0
+        state[FLOOR] = LEAST
+    return Estimator("adaptive-kalman", STEPS[form], state, math.ceil(per_cycle))

@@ -1,12 +1,18 @@
-"""Modified strong tracking unscented filter (Wang and others 2017, seed paper 001, eq. 20 to 39).
+"""Modified strong tracking unscented filter: `stukf` with one sigma-point transform a step.
 
-`stukf` with one sigma-point transform a step.  Where the residuals ask for it the covariance grows, in either
-of two ways (filters/strong_tracking.py):
+Wang Yi, Liu Heng, Hou Xingzhe, Li Songnong, Ye Jun, Sun Hongliang, Zheng Ke, "Transient voltage disturbance
+detection based on modified strong tracking UKF", Power System Protection and Control, 2017, doi
+10.7667/PSPC161472, eq. 20 to 39 (seed paper 001).
 
-- ``disturbance``: by what a disturbance is expected to change, and the frequency is not touched;
+Where the residuals ask for it the covariance grows, in either of two ways (filters/strong_tracking.py):
+
+- ``disturbance``, the default, is ours: by what a disturbance is expected to change, and the frequency is not
+  touched;
 - ``covariance``: as a whole, eq. 26.
 
 The paper says the first in words and the second in symbols.  Its figures for MSTUKF are met by the first.
+The filter as it is written is ``fading = "covariance"``, ``form = "as-written"``, ``frequency_share = 1``
+and the numbers that `stf` names; the other departures of the default are those of `stf`.
 """
 
 from __future__ import annotations
@@ -70,7 +76,7 @@ def make(
 
     Parameters
     ----------
-    fading : ``disturbance`` or ``covariance`` (eq. 26).
+    fading : ``disturbance`` (ours) or ``covariance`` (eq. 26).
     fundamental_change, harmonic_change : variance that a disturbance adds to each quadrature of the
         fundamental, and of each harmonic, over the squared peak; for ``disturbance``.
     others : as those of `stukf`.

@@ -1,16 +1,26 @@
-"""Strong tracking filter (Zhou, Xi, Zhang 1991; seed paper 001, eq. 4 to 12): the extended filter on a
-fundamental, odd harmonics and the frequency, whose covariance fades as far as the residuals ask for.
+"""Strong tracking filter: the extended filter on a fundamental, odd harmonics and the frequency, whose
+covariance fades as far as the residuals ask for.
+
+Zhou Donghua, Xi Yugeng, Zhang Zhongjun, "A suboptimal multiple fading extended Kalman filter", Acta
+Automatica Sinica 17 (6), 1991; as in Wang Yi, Liu Heng and others, "Transient voltage disturbance detection
+based on modified strong tracking UKF", Power System Protection and Control, 2017, eq. 4 to 12 (seed paper
+001).
 
 The filter is `step_strong` (filters/strong_tracking.py), six times (harmonic_filters.py), each channel with a
 factor of its own.
 
-Departures, for the paper's filter runs away under a steady residual that its model does not have.  With 10 %
-of the 25th harmonic the fundamental was found at 74 times its size: V stays above beta R, lambda multiplies
-P in every sample, and P grows without limit wherever the samples say nothing.
+Departures of the default form, ``bounded``, for the paper's filter runs away under a steady residual that its
+model does not have.  With 10 % of the 25th harmonic the fundamental was found at 74 times its size: V stays
+above beta R, lambda multiplies P in every sample, and P grows without limit wherever the samples say nothing.
 
 - R is followed (eq. 10 of seed paper 000, disturbance.py) and not fixed: what persists becomes noise.
 - No factor widens a variance beyond the initial one, which is the squared peak and not 1000 times that.
 - The estimates are bounded (harmonic_filters.py).
+
+``as-written`` has none of the three.  With the paper's numbers (section 4: softening_factor 1.8,
+frequency_share 1, process_variance and frequency_process_variance 1e-8, initial_variance and
+frequency_initial_variance 1000) it is the paper's filter, but for R, P0 and Q being in squared peaks: that
+is its per unit.
 """
 
 from __future__ import annotations
@@ -26,10 +36,14 @@ from faultloop.relay.estimators.harmonic_filters import (
     is_due,
     make_state,
     report,
+    set_as_written,
     set_fading,
     set_initial,
     settling_samples,
 )
+from faultloop.relay.estimators.parameters import choice
+
+FORMS = ("bounded", "as-written")
 
 
 @njit
@@ -56,6 +70,7 @@ def make(
     softening_factor: float = 8.0,
     forgetting_factor: float = 0.95,
     frequency_share: float = 0.0,
+    form: str = "bounded",
 ) -> Estimator:
     """Strong tracking filter.
 
@@ -72,6 +87,7 @@ def make(
     forgetting_factor : rho of eq. 12.
     frequency_share : alpha of eq. 9 for the frequency.  The paper's 1 lets every step of the amplitude throw
         the frequency off, and it returns slowly where the amplitude is small.
+    form : ``bounded``, with R followed and all estimates bounded; or ``as-written``, R fixed and no bounds.
 
     Raises InputError for a variance that is not positive, or below 4 samples per cycle for each harmonic.
     """
@@ -85,4 +101,6 @@ def make(
     )
     set_initial(state, initial_variance, frequency_initial_variance)
     set_fading(state, softening_factor, forgetting_factor, frequency_share)
+    if choice("form", form, FORMS) == "as-written":
+        set_as_written(state)
     return Estimator("stf", stf_step, state, settling_samples(sampling_hz, frequency_hz))

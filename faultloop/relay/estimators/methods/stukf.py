@@ -1,5 +1,10 @@
-"""Strong tracking unscented filter (Wang, Zhao, Xia, Hao 2010; reference 14 of seed paper 001): `stf` in
-sigma points, three transforms a step.  For a linear measurement `mstukf` does the same by one.
+"""Strong tracking unscented filter: `stf` in sigma points, three transforms a step.
+
+Wang Xiaoxu, Zhao Lin, Xia Quanxi, Hao Yong, "Strong tracking filter based on unscented transformation",
+Control and Decision 25 (7), 2010, pp. 1063-1068: reference 14 of seed paper 001.
+
+For a linear measurement `mstukf` does the same by one transform.  Its departures are those of `stf`; ``form =
+"as-written"`` is without them.
 """
 
 from __future__ import annotations

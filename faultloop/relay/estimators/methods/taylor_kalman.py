@@ -1,4 +1,8 @@
-"""Taylor Kalman synchrophasor of ten states (Wu, Zhao et al. 2014; seed paper 002): phasor, frequency, ROCOF.
+"""Taylor Kalman synchrophasor of ten states: phasor, frequency, ROCOF.
+
+Wu Zhili, Zhao Qingsheng, Chen Huiying, Han Xiaoqing, Guo Hehong, "Research on a synchrophasor measurement
+algorithm based on Kalman filtering at low sampling frequency" (Chinese), Power System Protection and Control,
+2014 (15), pp. 94-99: seed paper 002.
 
 The formulas (1) to (15) are missing from the text.  Derived here, and numbered as there:
 
@@ -41,6 +45,11 @@ Departures:
   and without a filter before that (and its delay) the third harmonic would fold onto 50 Hz at 200 Hz.  The
   full rate costs no accuracy, and averages noise.
 
+- It starts from a wide prior (about the last polynomial), so that it follows at once.  ``start =
+  "least-squares"`` is section 2.2: the states and, over R, their covariance are those of the least squares
+  over the first window after a disturbance, X0 = (H'H)^-1 H'Z and P0 = (H'H)^-1, and until then the last
+  polynomial goes on.
+
 Frequency and ROCOF are those of the positive-sequence voltage; NaN until there has been one for a window, and
 held where it is below 0.1 % of the greatest phase.
 """
@@ -66,9 +75,10 @@ from faultloop.relay.estimators.disturbance import (
     follow_level,
     header,
     is_disturbed,
+    is_sample,
 )
 from faultloop.relay.estimators.filters.square_root import correct_root, project
-from faultloop.relay.estimators.parameters import number, samples_per_cycle
+from faultloop.relay.estimators.parameters import choice, number, samples_per_cycle
 from faultloop.relay.estimators.reference import PEAK_TO_RMS, reference
 from faultloop.relay.estimators.synchrophasor import is_measurable, positive_sequence
 
@@ -88,7 +98,11 @@ GAIN = PROJECTED + UNKNOWNS
 DERIVATIVE = GAIN + UNKNOWNS  # six: p' of the voltages, in windows; then six: p''
 ROOT = DERIVATIVE + 12
 STATES = ROOT + UNKNOWNS * UNKNOWNS
-LENGTH = STATES + CHANNELS * UNKNOWNS
+START = STATES + CHANNELS * UNKNOWNS  # samples of the least squares that start it; 0: from the prior
+LEFT = START + 1  # of them still to come
+NORMAL = START + 2
+RIGHT = NORMAL + UNKNOWNS * UNKNOWNS
+LENGTH = RIGHT + CHANNELS * UNKNOWNS
 
 
 @njit
@@ -116,10 +130,35 @@ def renew(state, root, states, t):
     """Begin a window here, keeping the polynomials as the prior mean."""
     move_origin(states, t)
     state[TICK] = 0.0
+    state[LEFT] = state[START]
+    state[NORMAL:] = 0.0
     root[:, :] = 0.0
     for m in range(TERMS):
         root[2 * m, 2 * m] = state[PRIOR + m]
         root[2 * m + 1, 2 * m + 1] = state[PRIOR + m]
+
+
+@njit
+def collect(state, x, row, root, states):
+    """A row of the least squares, a missing sample as predicted; after the last one, section 2.2's start."""
+    normal = state[NORMAL:RIGHT].reshape((UNKNOWNS, UNKNOWNS))
+    right = state[RIGHT:].reshape((UNKNOWNS, CHANNELS))
+    for i in range(UNKNOWNS):
+        for j in range(UNKNOWNS):
+            normal[i, j] += row[i] * row[j]
+    for c in range(CHANNELS):
+        z = x[c]
+        if not is_sample(z):
+            z = 0.0
+            for i in range(UNKNOWNS):
+                z += row[i] * states[i, c]
+        for i in range(UNKNOWNS):
+            right[i, c] += row[i] * z
+    state[LEFT] -= 1.0
+    if state[LEFT] == 0.0:
+        inverse = np.linalg.inv(normal)
+        root[:, :] = np.linalg.cholesky(0.5 * (inverse + inverse.T))
+        states[:, :] = inverse @ right
 
 
 @njit
@@ -161,7 +200,7 @@ def taylor_kalman_step(state, x, out):
     innovation = state[INNOVATION : INNOVATION + CHANNELS]
     derivative = state[DERIVATIVE : DERIVATIVE + 12]
     root = state[ROOT:STATES].reshape((UNKNOWNS, UNKNOWNS))
-    states = state[STATES:].reshape((UNKNOWNS, CHANNELS))
+    states = state[STATES:START].reshape((UNKNOWNS, CHANNELS))
     forgetting = state[FORGETTING]
 
     follow_level(state, x)
@@ -169,14 +208,18 @@ def taylor_kalman_step(state, x, out):
     t = state[TICK] / state[WINDOW]
     fill_row(row, t, cos, sin)
     projected = project(root, row, f) / forgetting
-    innovate(state, x, row, states, innovation, projected)
-    if is_disturbed(state):
-        renew(state, root, states, t)
-        t = 0.0
-        fill_row(row, t, cos, sin)
-        projected = project(root, row, f) / forgetting
-    correct_root(root, f, gain, forgetting)
-    correct_channels(state, x, gain, states, innovation, projected)
+    if state[LEFT] == 0.0:
+        innovate(state, x, row, states, innovation, projected)
+        if is_disturbed(state):
+            renew(state, root, states, t)
+            t = 0.0
+            fill_row(row, t, cos, sin)
+            projected = project(root, row, f) / forgetting
+    if state[LEFT] > 0.0:
+        collect(state, x, row, root, states)
+    else:
+        correct_root(root, f, gain, forgetting)
+        correct_channels(state, x, gain, states, innovation, projected)
     evaluate(states, t, out, derivative)
     frequency(state, out, derivative)
 
@@ -195,6 +238,7 @@ def make(
     window_ms: float = 50.0,
     frequency_deviation_hz: float = 2.0,
     initial_covariance: float = 1e5,
+    start: str = "prior",
     noise_floor: float = NOISE_FLOOR,
     detection_threshold: float = DETECTION_THRESHOLD,
 ) -> Estimator:
@@ -206,6 +250,7 @@ def make(
     frequency_deviation_hz : standard deviation that a renewal gives the frequency [Hz]; coefficient m then
         has (2 pi deviation window)^m / m! of the phasor's.
     initial_covariance : of a renewed phasor, over the variance of the noise.
+    start : ``prior``, or ``least-squares`` over the first window (section 2.2).
     noise_floor : least standard deviation of the noise, over the peak of the voltages or currents.
     detection_threshold : squared normalised innovation that is a disturbance.
 
@@ -228,6 +273,7 @@ def make(
     state[FORGETTING] = (window - 1.0) / (window + 1.0)
     state[WINDOW] = window
     state[FOUND_FREQUENCY] = state[FOUND_ROCOF] = math.nan
+    state[START] = window if choice("start", start, ("prior", "least-squares")) == "least-squares" else 0.0
     for m in range(TERMS):
         state[PRIOR + m] = spread * (2.0 * math.pi * deviation * window_s) ** m / math.factorial(m)
     return Estimator("taylor-kalman", taylor_kalman_step, state, window)

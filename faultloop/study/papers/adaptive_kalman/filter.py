@@ -1,4 +1,4 @@
-"""The filter of Zhang and Chen (seed paper 000) as the paper writes it, for many signals at a time.
+"""The filter of seed paper 000 (Zhang Zhe, Chen Deshu) as the paper writes it, for many signals at a time.
 
 Three rules for the variance:
 

@@ -57,6 +57,12 @@ def time_constant_s(kind: str, at_km: float) -> float:
     return loop.imag / (2.0 * np.pi * F0 * loop.real)
 
 
+def line_time_constant_s(kind: str) -> float:
+    """L / R of the line alone [s]: what the paper would take for the offset's time constant."""
+    loop = 2.0 * Z1_PER_KM + Z0_PER_KM if kind == "AG" else Z1_PER_KM
+    return loop.imag / (2.0 * np.pi * F0 * loop.real)
+
+
 def scenario(kind: str, at_km: float, start_s: float) -> Scenario:
     """The network with one fault."""
     line: dict[str, Any] = {

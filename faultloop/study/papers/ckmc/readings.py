@@ -67,7 +67,7 @@ def state_noise(out: Report, what: Plan, kinds: Sequence[Sequence[Filter]], runs
         f"{better(tails, name, mcc(SAME).name):.0f} % better than a Gaussian kernel of its curvature and "
         f"{better(tails, name, third.name):.0f} % better than a Gaussian one of bandwidth 3; a bandwidth of "
         f"5 loses {-better(normal, ckmc(5.0).name, CKF.name):.0f} % under normal noise. So the paper's "
-        "choice is right there, and 'the Gaussian rejects outliers better' and 'insensitive from 5 to 200' "
+        "choice does well there, and 'the Gaussian rejects outliers better' and 'insensitive from 5 to 200' "
         "hold for a truth without state noise only."
     )
     ratio = tails[name].overall / tails[mcc(SAME).name].overall
@@ -127,8 +127,8 @@ def percentages(out: Report, printed: Found, worse: Found, own: Errors) -> None:
     }
     than_mcc = {
         f"{noise}, bandwidth {b:g} against {w:.3g}, J": better(errors, ckmc(b).name, mcc(w).name)
-        for noise, errors in noises.items()
         for b in CHOICES
+        for noise, errors in noises.items()
         for w in (WIDE, SAME)
     }
     state(

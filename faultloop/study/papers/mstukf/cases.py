@@ -8,8 +8,9 @@ What the paper leaves open, and what is taken here:
   variance R the filters as written run away at the softening factor 1.8, so R cannot have been the noise.
 - The impulse's softening factor is not given.  With 1.8 or 8 either filter takes the six samples for
   harmonics of several per unit; with 68 the magnitude peaks where the paper's does, by as much.
-- Mean square errors are over the harmonics (1101 to 1800), or over all but the first 300 samples, in which
-  the filter starts: both are given.
+- Mean square errors are over the harmonics (1101 to 1800), or over a record (of 2500 samples, or half a
+  second) but for the first 300, in which the filter starts: all are given.
+- Eq. 45 has "- 30" beside radians, and the text -30 degrees: a `Reading` says which, and what noise.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ STARTED = 300  # samples that a filter is given to start
 SAG = (700, 1400)  # last undisturbed, last disturbed sample
 IMPULSE = (770, 776)
 HARMONIC = (1100, 1800)
-LENGTH = {"sag": 2200, "impulse": 1500, "harmonics": 2500}
+LENGTH = {"sag": 2200, "impulse": 1500, "harmonics": 3200}
+RECORDS = (2500, 3200)  # samples over which the errors of harmonics are taken
 ORDERS = {3: 0.4, 5: 0.3, 7: 0.2}
 IMPULSE_PEAK = 1.4884  # the largest sample, which the paper takes for the truth
 
@@ -69,14 +71,27 @@ class Setting:
     softening: float
     disturbance: tuple[float, ...] = FUNDAMENTAL_CHANGES
     frequency_share: float = 1.0
+    forgetting: float = FORGETTING
 
 
-def waveform(case: str) -> Array:
+@dataclass(frozen=True)
+class Reading:
+    """How the sag of eq. 45 is read: by how much its phase jumps [rad], and the variance of the noise."""
+
+    jump: float = np.pi / 6
+    noise: float = NOISE_VARIANCE
+
+
+DEGREES = Reading()
+RADIANS = Reading(jump=30.0)
+
+
+def waveform(case: str, reading: Reading = DEGREES) -> Array:
     """A case without noise [pu], (LENGTH,): eq. 45, 46, 47."""
     k = np.arange(1.0, LENGTH[case] + 1)
     angle = 2 * np.pi * 50 * k / SAMPLING_HZ
     if case == "sag":
-        return np.where(within(k, SAG), 0.5 * np.sin(angle - np.pi / 6), np.sin(angle))
+        return np.where(within(k, SAG), 0.5 * np.sin(angle - reading.jump), np.sin(angle))
     if case == "impulse":
         impulse = 0.5 * np.exp(-10 * (k - IMPULSE[0]) / SAMPLING_HZ)
         return np.cos(angle) + np.where(within(k, IMPULSE), impulse, 0.0)
@@ -89,10 +104,10 @@ def within(k: Array, event: tuple[int, int]) -> NDArray[np.bool_]:
     return (k > event[0]) & (k <= event[1])
 
 
-def noisy(case: str, seed: int) -> Array:
+def noisy(case: str, seed: int, reading: Reading = DEGREES) -> Array:
     """A case with the noise of a seed."""
     rng = np.random.default_rng([1, tuple(LENGTH).index(case), seed])
-    return waveform(case) + np.sqrt(NOISE_VARIANCE) * rng.normal(size=LENGTH[case])
+    return waveform(case, reading) + np.sqrt(reading.noise) * rng.normal(size=LENGTH[case])
 
 
 TRACKS: dict[str, Callable[..., Any]] = {
@@ -105,17 +120,19 @@ TRACKS: dict[str, Callable[..., Any]] = {
 }
 
 
-def track(setting: Setting, samples: Array) -> Array:
+def track(
+    setting: Setting, samples: Array, sampling_hz: float = SAMPLING_HZ, frequency_hz: float = 50.0
+) -> Array:
     """Run a filter: (k, 7) amplitudes of harmonics 1, 3, 5, 7, phase of the sine [rad], w, lambda."""
     n = 2 * HARMONICS + 1
     spread, excess = sigma_spread(n, 1e-3, 2.0, 0.0)
     settings = np.array(
-        [1.0 / SAMPLING_HZ, spread, excess, setting.softening, FORGETTING, setting.frequency_share]
+        [1.0 / sampling_hz, spread, excess, setting.softening, setting.forgetting, setting.frequency_share]
     )
     if len(settings) != SETTINGS:
         raise AssertionError("a setting is missing")
     f = harmonic_filter(HARMONICS, settings)
-    f.x[-1] = 100 * np.pi
+    f.x[-1] = 2 * np.pi * frequency_hz
     f.P[:] = INITIAL_VARIANCE * np.eye(n)
     f.Q[:] = PROCESS_VARIANCE * np.eye(n)
     f.disturbance[:-1] = np.repeat(setting.disturbance, 2)
@@ -148,7 +165,35 @@ def alarms(found: Array, event: tuple[int, int]) -> tuple[float, float, float, f
     return rises * SAMPLING_HZ / len(before), float(start == 0.0), float(end == 0.0), start, end
 
 
-def measure_sag(found: Array) -> tuple[float, ...]:
+def settled_of_sag(k: Array) -> NDArray[np.bool_]:
+    """Samples that are 200 or more after a change."""
+    start, end = SAG
+    return ((k > STARTED) & (k <= start)) | ((k > start + 200) & (k <= end)) | (k > end + 200)
+
+
+def true_phase(k: Array, reading: Reading) -> Array:
+    """Of the sag's sine [rad]."""
+    return 2 * np.pi * 50 * k / SAMPLING_HZ - np.where(within(k, SAG), reading.jump, 0.0)
+
+
+def turned(angle: Array) -> Array:
+    """The same angle within half a turn [rad]."""
+    return np.angle(np.exp(1j * angle))
+
+
+def phase_dq(found: Array, angle: Array) -> tuple[Array, Array]:
+    """Eq. 43 and 44 for the fundamental, against ``angle`` = w k dt: arctan(uq / ud), and arctan(ud / uq).
+
+    With x = A sin(angle + p), A cos(angle + p) they give ud = A cos p and uq = A sin p: the quotient that is
+    printed is the second, the phase is the first.
+    """
+    sine, cosine = found[:, 0] * np.sin(found[:, PHASE]), found[:, 0] * np.cos(found[:, PHASE])
+    d = np.sin(angle) * sine + np.cos(angle) * cosine
+    q = np.cos(angle) * sine - np.sin(angle) * cosine
+    return np.arctan2(q, d), np.arctan(d / q)
+
+
+def measure_sag(found: Array, reading: Reading = DEGREES) -> tuple[float, ...]:
     """Table 1: t1, t2 at the start, at the end [ms], sigma1 [pu], sigma2 [deg]; then `alarms`.
 
     Settled is from 200 samples after a change on.
@@ -157,9 +202,8 @@ def measure_sag(found: Array) -> tuple[float, ...]:
     k = np.arange(1.0, len(found) + 1)
     amplitude = found[:, 0]
     true = np.where(within(k, SAG), 0.5, 1.0)
-    angle = 2 * np.pi * 50 * k / SAMPLING_HZ - np.where(within(k, SAG), np.pi / 6, 0.0)
-    phase_error = np.abs(np.angle(np.exp(1j * (found[:, PHASE] - angle))))
-    settled = ((k > STARTED) & (k <= start)) | ((k > start + 200) & (k <= end)) | (k > end + 200)
+    phase_error = np.abs(turned(found[:, PHASE] - true_phase(k, reading)))
+    settled = settled_of_sag(k)
     near = np.abs(amplitude - true) <= 0.03 * true
     return (
         first_ms(amplitude[start:end] < 0.9),
@@ -179,22 +223,25 @@ def measure_impulse(found: Array) -> tuple[float, ...]:
 
 
 def measure_harmonics(found: Array) -> tuple[float, ...]:
-    """Mean square errors of harmonics 3, 5, 7 during them, then over all [%]; then `alarms`."""
+    """Mean square errors of harmonics 3, 5, 7 during them, then over each of `RECORDS` [%]; then `alarms`."""
     k = np.arange(1.0, len(found) + 1)
     errors = [
         found[:, i] - np.where(within(k, HARMONIC), a, 0.0) for i, a in enumerate(ORDERS.values(), start=1)
     ]
     during = (float(100 * (e[slice(*HARMONIC)] ** 2).mean()) for e in errors)
-    over_all = (float(100 * (e[STARTED:] ** 2).mean()) for e in errors)
+    over_all = (float(100 * (e[STARTED:end] ** 2).mean()) for end in RECORDS for e in errors)
     return *during, *over_all, *alarms(found, HARMONIC)
 
 
-MEASURES = {"sag": measure_sag, "impulse": measure_impulse, "harmonics": measure_harmonics}
-
-
-def monte_carlo(case: str, setting: Setting, seeds: int) -> Array:
+def monte_carlo(case: str, setting: Setting, seeds: int, reading: Reading = DEGREES) -> Array:
     """What a case measures, for each seed: (seeds, figures); infinity where a filter runs away."""
-    figures = [MEASURES[case](track(setting, noisy(case, seed))) for seed in range(seeds)]
+    figures = []
+    for seed in range(seeds):
+        found = track(setting, noisy(case, seed, reading))
+        if case == "sag":
+            figures.append(measure_sag(found, reading))
+        else:
+            figures.append(measure_impulse(found) if case == "impulse" else measure_harmonics(found))
     return np.nan_to_num(np.array(figures), nan=np.inf, posinf=np.inf)
 
 

@@ -45,8 +45,14 @@ def impulse(settings: Mapping[str, Setting]) -> list[tuple[str, Any]]:
     """Figure 3."""
     samples, tracks = run("impulse", settings)
     magnitude = {name: found[:, 0] for name, found in tracks.items()}
-    panels = [("signal [pu]", {"signal": samples}, "linear"), ("magnitude [pu]", magnitude, "linear")]
-    return [("Figure 3: impulse, and magnitude of the fundamental", stack(panels, slice(700, 1000)))]
+    panels = [
+        ("signal [pu]", {"signal": samples}, "linear"),
+        ("lambda", factors(tracks), "log"),
+        ("magnitude [pu]", magnitude, "linear"),
+    ]
+    return [
+        ("Figure 3: impulse, fading factors, magnitude of the fundamental", stack(panels, slice(700, 1000)))
+    ]
 
 
 def harmonics(settings: Mapping[str, Setting]) -> list[tuple[str, Any]]:
@@ -75,8 +81,13 @@ def run(case: str, settings: Mapping[str, Setting]) -> tuple[Array, dict[str, Ar
 
 def signal_and_factors(samples: Array, tracks: Mapping[str, Array], shown: slice) -> Any:
     """The waveform over the fading factors."""
-    factors = {name: found[:, FADING] for name, found in tracks.items()}
-    return stack([("signal [pu]", {"signal": samples}, "linear"), ("lambda", factors, "log")], shown)
+    panels = [("signal [pu]", {"signal": samples}, "linear"), ("lambda", factors(tracks), "log")]
+    return stack(panels, shown)
+
+
+def factors(tracks: Mapping[str, Array]) -> dict[str, Array]:
+    """lambda of each filter."""
+    return {name: found[:, FADING] for name, found in tracks.items()}
 
 
 def stack(panels: Sequence[tuple[str, Mapping[str, Array], str]], shown: slice) -> Any:

@@ -1,4 +1,5 @@
-"""Seed paper 002's figures, redrawn: four quantities over the time, and the ROCOF over the sampling rate."""
+"""Seed paper 002's figures, redrawn: four quantities and their errors over the time, and the ROCOF over the
+sampling rate."""
 
 from __future__ import annotations
 
@@ -17,50 +18,64 @@ SETTLED_S = 0.06
 """Estimates before this are the filter's start: they would set the axes."""
 
 
-def four(found: Mapping[str, tuple[Wave, Array, NDArray[np.complex128], Array]]) -> Any:
-    """RMS, phase, frequency and ROCOF; the truth is dotted.
+Track = tuple[Wave, Array, NDArray[np.complex128], Array]
+"""A wave, the times (n,), the phasor (n,) and the rows (n, 14)."""
 
-    Parameters
-    ----------
-    found : for each name the wave, the times (n,), the phasor (n,) and the rows (n, 14).
-    """
+
+def quantities(track: Track) -> list[tuple[Array, Array]]:
+    """RMS, phase, frequency and ROCOF: estimated and true."""
+    wave, t, phasor, rows = track
+    true = wave.phasor(t)
+    return [
+        (np.abs(phasor), np.abs(true)),
+        (degrees(phasor), degrees(true)),
+        (rows[:, FREQUENCY], wave.frequency(t)),
+        (rows[:, ROCOF], wave.rocof(t)),
+    ]
+
+
+def four(found: Mapping[str, Track]) -> Any:
+    """RMS, phase, frequency and ROCOF over the time; the truth is dotted.  Nothing is clipped."""
+    figure = _panels(QUANTITIES)
+    for colour, (name, track) in zip(COLOURS, found.items(), strict=False):
+        for place, (estimate, truth) in enumerate(quantities(track)):
+            _line(figure, place, track[1], (estimate, name), {"color": colour, "width": 1.5})
+            _line(figure, place, track[1], (truth, ""), {"color": colour, "width": 1.0, "dash": "dot"})
+    return figure
+
+
+def errors(found: Mapping[str, Track]) -> Any:
+    """Their errors on a logarithmic scale, so that those of a millihertz are seen beside a step's."""
+    figure = _panels([f"error of {quantity}" for quantity in QUANTITIES])
+    for colour, (name, track) in zip(COLOURS, found.items(), strict=False):
+        for place, (estimate, truth) in enumerate(quantities(track)):
+            error = np.maximum(np.abs(estimate - truth), 1e-12)
+            _line(figure, place, track[1], (error, name), {"color": colour, "width": 1.5})
+    return figure.update_yaxes(type="log", exponentformat="power")
+
+
+def _panels(titles: Sequence[str]) -> Any:
     from plotly.subplots import make_subplots
 
-    figure = make_subplots(rows=2, cols=2, subplot_titles=QUANTITIES, vertical_spacing=0.12)
-    for colour, (name, (wave, t, phasor, rows)) in zip(COLOURS, found.items(), strict=False):
-        true = wave.phasor(t)
-        pairs = (
-            (np.abs(phasor), np.abs(true)),
-            (degrees(phasor), degrees(true)),
-            (rows[:, FREQUENCY], wave.frequency(t)),
-            (rows[:, ROCOF], wave.rocof(t)),
-        )
-        shown = t >= SETTLED_S
-        for place, (estimate, truth) in enumerate(pairs):
-            at = {"row": place // 2 + 1, "col": place % 2 + 1}
-            line = {"color": colour, "width": 1.5}
-            figure.add_scatter(
-                x=t[shown],
-                y=estimate[shown],
-                name=name,
-                legendgroup=name,
-                showlegend=place == 0,
-                line=line,
-                **at,
-            )
-            dotted = line | {"dash": "dot", "width": 1.0}
-            figure.add_scatter(
-                x=t[shown], y=truth[shown], name=f"{name}, true", showlegend=False, line=dotted, **at
-            )
-    clip(figure)
+    figure = make_subplots(rows=2, cols=2, subplot_titles=titles, vertical_spacing=0.12)
     figure.update_xaxes(title_text="time [s]", row=2)
     return figure.update_layout(height=640, template="plotly_white", margin={"t": 40})
 
 
-def clip(figure: Any) -> None:
-    """Frequency and ROCOF of a step leave the figure: what is settled could not be seen beside them."""
-    figure.update_yaxes(range=(47.5, 51.0), row=2, col=1)
-    figure.update_yaxes(range=(-4.0, 4.0), row=2, col=2)
+def _line(figure: Any, place: int, t: Array, line: tuple[Array, str], style: Mapping[str, object]) -> None:
+    """A line of a panel, named once; without a name it goes with the last one."""
+    values, name = line
+    shown = t >= SETTLED_S
+    figure.add_scatter(
+        x=t[shown],
+        y=values[shown],
+        name=name or "true",
+        legendgroup=name or None,
+        showlegend=bool(name) and place == 0,
+        line=style,
+        row=place // 2 + 1,
+        col=place % 2 + 1,
+    )
 
 
 def degrees(phasor: NDArray[np.complex128]) -> Array:
