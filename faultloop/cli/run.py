@@ -42,41 +42,47 @@ def command(
     from faultloop.cli.output import announce_compilation, print_json, progress_bar, serve
     from faultloop.cli.report import print_result, result_as_dict
     from faultloop.errors import InputError
+    from faultloop.loop.runner import Interrupted
 
     if realtime and pace is not None:
         raise InputError("give either --realtime (which is --pace 1) or --pace X", key="--pace")
     path = log if log is not None else Path("logs") / f"{scenario.stem}.mcap"
     announce_compilation()
-    with progress_bar("running" if processes else "simulating") as progress:
-        if processes:
-            from faultloop.live.supervisor import run_processes
+    try:
+        with progress_bar("running" if processes else "simulating") as progress:
+            if processes:
+                from faultloop.live.supervisor import run_processes
 
-            if rerun is not None:
-                raise InputError("processes write a log: see it by `faultloop review --rerun`", key="--rerun")
-            result = run_processes(
-                scenario,
-                can=can,
-                pace=1.0 if pace is None else pace,
-                without=without or [],
-                log=path,
-                overrides=set_ or [],
-                user_code=not no_user_code,
-                progress=progress,
-            )
-        else:
-            from faultloop.loop.runner import run
+                if rerun is not None:
+                    raise InputError(
+                        "processes write a log: see it by `faultloop review --rerun`", key="--rerun"
+                    )
+                result = run_processes(
+                    scenario,
+                    can=can,
+                    pace=1.0 if pace is None else pace,
+                    without=without or [],
+                    log=path,
+                    overrides=set_ or [],
+                    user_code=not no_user_code,
+                    progress=progress,
+                )
+            else:
+                from faultloop.loop.runner import run
 
-            result = run(
-                scenario,
-                log=path,
-                overrides=set_ or [],
-                rerun=rerun,
-                can=can,
-                pace=1.0 if realtime else pace,
-                without=without or [],
-                user_code=not no_user_code,
-                progress=progress,
-            )
+                result = run(
+                    scenario,
+                    log=path,
+                    overrides=set_ or [],
+                    rerun=rerun,
+                    can=can,
+                    pace=1.0 if realtime else pace,
+                    without=without or [],
+                    user_code=not no_user_code,
+                    progress=progress,
+                )
+    except Interrupted as ended:
+        result = ended.result
     if json:
         print_json(result_as_dict(result))
     else:

@@ -27,6 +27,11 @@ class Can(Table):
     confirmations: int = Field(default=1, ge=1, le=4)
     """Frames in a row that must agree before a new state is acted upon; 2 costs 2 ms."""
 
+    @property
+    def named(self) -> bool:
+        """A bus is asked for by its name: others may listen on it."""
+        return bool(self.model_fields_set & {"interface", "channel"})
+
     @model_validator(mode="after")
     def _room_for_the_tag(self) -> Can:
         if self.keys is not None and not self.fd:

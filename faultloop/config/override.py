@@ -7,11 +7,13 @@ count from 0, as in a list; in relay settings from 1, as in the instances' names
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from faultloop.errors import InputError, nearest
 
+OPTION = "--set"
+Read = TypeVar("Read")
 SETTING_PARTS = 4
 """``relay.NAME.table.key``: with fewer it is a key of the scenario's own ``[[relay]]``."""
 
@@ -94,6 +96,19 @@ def _member(items: list[Any], part: str, where: str, first: int, said: str) -> A
         return items[int(part) - first]
     known = [name or str(number) for number, name in enumerate(names, first)]
     raise _error(f"'{said}': no {where} '{part}'; {nearest(part, known)}")
+
+
+def overridden(read: Callable[[Sequence[str]], Read], overrides: Sequence[str], file: object = None) -> Read:
+    """``read(overrides)``; what is wrong with ``file`` only because of them is an error of ``--set``."""
+    try:
+        return read(overrides)
+    except InputError as error:
+        if not overrides or OPTION in (error.key, error.file):
+            raise
+        read(())  # where the file is wrong by itself, that is told
+        other = error.file if error.file not in (None, str(file)) else None
+        key = ": ".join(part for part in (other, error.key) if part)
+        raise InputError(error.what, file=OPTION, key=key or None) from None
 
 
 def _value(text: str) -> Any:

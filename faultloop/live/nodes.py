@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -14,6 +15,7 @@ from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.io.can.transport import check_bit_rates
 from faultloop.live.link import open_link
 from faultloop.live.process import Node, Supervision, run_node
+from faultloop.loop.inputs import changes_of, divided
 from faultloop.loop.recording import check_log_path, versions
 from faultloop.loop.scenario import Scenario, load_scenario
 
@@ -59,8 +61,10 @@ def number_of(scenario: Scenario, role: Role, name: str | None) -> int:
     return names.index(name)
 
 
-def make_node(scenario: Scenario, role: Role, number: int, closed: int = 7) -> tuple[Node, list[int]]:
-    """The node, and the identifiers that it listens to."""
+def make_node(
+    scenario: Scenario, role: Role, number: int, closed: int = 7, settings: Sequence[str] = ()
+) -> tuple[Node, list[int]]:
+    """The node, and the identifiers that it listens to; ``settings`` overrides those of a relay's file."""
     # A process loads what it needs: a breaker has no use for the kernels of plant and relay.
     if role == "plant":
         from faultloop.live import plant
@@ -69,7 +73,7 @@ def make_node(scenario: Scenario, role: Role, number: int, closed: int = 7) -> t
     if role == "relay":
         from faultloop.live import relay
 
-        return relay.RelayProcess(scenario, number), relay.identifiers(scenario, number)
+        return relay.RelayProcess(scenario, number, settings), relay.identifiers(scenario, number)
     if role == "rogue":
         from faultloop.live import rogue
 
@@ -102,7 +106,8 @@ class NodeOptions:
 
 def run_role(options: NodeOptions, supervision: Supervision | None = None) -> bool:
     """Run one node until the scenario's end; False if it was told to stop before."""
-    scenario = load_scenario(options.scenario, options.overrides)
+    own, of_settings = divided(options.overrides)
+    scenario = load_scenario(options.scenario, own)
     check_pace(options.pace)
     number = number_of(scenario, options.role, options.name)
     if options.log is not None:
@@ -110,7 +115,8 @@ def run_role(options: NodeOptions, supervision: Supervision | None = None) -> bo
     # The bus first: it is wrong more often than the rest, and found at once.
     bus = bus_of(scenario, options.can)
     open_link(bus, fd=True).close()
-    node, wanted = make_node(scenario, options.role, number, options.closed)
+    changes = changes_of(of_settings, options.name or "", [place.name for place in scenario.relay])
+    node, wanted = make_node(scenario, options.role, number, options.closed, changes)
     link = open_link(bus, fd=True, identifiers=[*wanted, TIME])
     metadata = {
         "node": {"role": options.role, "name": node.name, "pace": f"{options.pace:g}"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from math import gcd
 from typing import Any
@@ -39,12 +40,12 @@ class RelayProcess:
     blind until they are settled; so does one whose samples broke off.
     """
 
-    def __init__(self, scenario: Scenario, number: int) -> None:
+    def __init__(self, scenario: Scenario, number: int, overrides: Sequence[str] = ()) -> None:
         self.place = scenario.relay[number]
         self.name = self.place.name
         self._scenario, self._number = scenario, number
         self.node = relay_node(scenario, number)
-        settings = load_settings(scenario.settings_path(self.place))
+        settings = load_settings(scenario.settings_path(self.place), overrides)
         self.relay = Relay(settings, name=self.name)
         self._empty = self.relay.save()
         self._sampling_hz = hz = scenario.system.sampling_hz

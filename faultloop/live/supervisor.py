@@ -23,15 +23,15 @@ from faultloop.live.merge import merge
 from faultloop.live.nodes import ROGUES, NodeOptions, Role, bus_of, check_pace
 from faultloop.loop.bus_faults import Edges, end_ns
 from faultloop.loop.bus_faults import describe as describe_fault
+from faultloop.loop.inputs import load_inputs
 from faultloop.loop.outcome import Outcome, outcome_of
 from faultloop.loop.pacing import Pacing, Percentiles
 from faultloop.loop.recording import Recorder, check_log_path, describe
 from faultloop.loop.result import Result
-from faultloop.loop.runner import check_settings, interruptible
-from faultloop.loop.scenario import AnyScenario, Scenario, load_scenario
+from faultloop.loop.runner import Interrupted, interruptible
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.refusals import Refusals
-from faultloop.relay import load_settings
 
 READY_WITHIN_S = 120.0
 """The first run of a version compiles, in every process."""
@@ -364,10 +364,8 @@ def run_processes(
     ------
     InputError : something in the scenario, the bus or the arguments is wrong.
     """
-    checked = load_scenario(scenario, overrides) if not isinstance(scenario, AnyScenario) else scenario
+    checked, settings = load_inputs(scenario, None, overrides, user_code=user_code)
     check_pace(pace)
-    settings = {place.name: load_settings(checked.settings_path(place)) for place in checked.relay}
-    check_settings(checked, settings, user_code)
     path = Path(log) if log is not None else Path("logs") / f"{Path(checked.path or 'run').stem}.mcap"
     check_log_path(path)
     started = time.perf_counter()
@@ -391,7 +389,7 @@ def run_processes(
         raise supervisor.broken
     merged = open_log(path)
     outcome = outcome_of(merged)
-    return Result.of(
+    result = Result.of(
         checked,
         outcome,
         log=path,
@@ -403,6 +401,9 @@ def run_processes(
         died=tuple(supervisor.died),
         pacing=_with_reactions(pacing, outcome),
     )
+    if result.interrupted:
+        raise Interrupted(result)
+    return result
 
 
 def _simulated_s(log: Log, scenario: Scenario) -> float:

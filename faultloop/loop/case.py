@@ -12,11 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.transport import Transport
+from faultloop.loop.inputs import check_settings
 from faultloop.loop.outcome import Cast, Fold, Outcome
 from faultloop.loop.recording import Recorder, Sink
-from faultloop.loop.runner import check_settings
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.simulation import Simulation
 from faultloop.relay import Relay, RelaySettings, load_settings
@@ -45,9 +44,9 @@ class Prepared:
 
     def run(self, sinks: Sequence[Sink] = ()) -> CaseOutcome:
         """The whole case; `sinks` (`faultloop.loop.recording.MemorySink`) get its samples and estimates."""
-        scenario, can = self.scenario, self.scenario.can
+        scenario = self.scenario
         relays = {name: kept.as_new() for name, kept in self._relays.items()}
-        bus = Transport(SimulatedBus(can.bitrate, can.data_bitrate), None, can.fd)
+        bus = Transport.alone(scenario.can)
         fold = Fold(Cast.of_scenario(scenario))
         simulation = Simulation(scenario, relays, Recorder([fold, *sinks]), bus)
         simulation.run()

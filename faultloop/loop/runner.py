@@ -11,21 +11,23 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from faultloop.errors import InputError, nearest
-from faultloop.io.can.transport import open_transport
+from faultloop.config.override import overridden
+from faultloop.errors import InputError
+from faultloop.io.can.transport import Transport, open_transport
+from faultloop.loop.inputs import Given, Inputs, load_inputs
 from faultloop.loop.outcome import Cast, Fold
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_streams
 from faultloop.loop.result import Result
-from faultloop.loop.scenario import AnyScenario, Scenario, load_scenario
+from faultloop.loop.scenario import Scenario
 from faultloop.loop.simulation import Simulation
-from faultloop.relay import Relay, RelaySettings, load_settings
-from faultloop.relay.named_code import refuse_user_code
+from faultloop.relay import Relay
 
 
 def run(
     scenario: Scenario | Path | str,
     *,
+    settings: Mapping[str, Given] | None = None,
     log: Path | str | None = None,
     rerun: str | None = None,
     can: str | None = None,
@@ -44,11 +46,13 @@ def run(
     scenario : a file, or a `Scenario`.
     log : the MCAP log to write; none if not given.
     rerun : ``"spawn"``, ``"serve"``, a file ``F.rrd`` or the URL of a viewer.
-    can : ``"INTERFACE:CHANNEL"`` in place of the scenario's, as in ``"socketcan:vcan0"``.
+    can : ``"INTERFACE:CHANNEL"`` in place of the scenario's, as in ``"socketcan:vcan0"``: a bus that others
+        may be on.  Where neither names one, the run has a bus of its own.
     pace : simulated seconds per second of wall time; None: as fast as it can.
     without : names of breakers that are not simulated: a device of your own on the bus takes their place.
         The plant follows the position that it publishes; give `pace`, or nobody waits for it.
-    overrides : ``"fault.F1.at_pu=0.7"`` and the like; only with a file.
+    settings : by relay, `RelaySettings` or the dict that a file's TOML would be, in place of the files.
+    overrides : ``"fault.F1.at_pu=0.7"``, ``"relay.RA.pdis.1.reach_pu=0.9"`` and the like.
     keep : keep samples and estimates in memory, for `Result.samples`; by default where there is no log.
     user_code : whether the relays' settings may name code; without it one that does is refused.
     sinks : more places to write to.
@@ -57,25 +61,25 @@ def run(
     Raises
     ------
     InputError : something in the scenario, the settings or the arguments is wrong; nothing has been written.
+    Interrupted : a KeyboardInterrupt: Ctrl-C or a termination signal has ended the run; the log is whole.
     """
-    if not isinstance(scenario, AnyScenario):
-        scenario = load_scenario(scenario, overrides)
-    elif overrides:
-        raise InputError("overrides need the scenario's file, not a Scenario", key="overrides")
+    what = scenario
     if pace is not None and not 0 < pace < math.inf:
         raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
-    settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
-    check_settings(scenario, settings, user_code)
-    relays = {name: Relay(s, name=name) for name, s in settings.items()}
-    check_expectations(scenario, relays)
+
+    def made(chosen: Sequence[str]) -> tuple[Inputs, dict[str, Relay]]:
+        inputs = load_inputs(what, settings, chosen, user_code=user_code)
+        return inputs, {name: Relay(own, name=name) for name, own in inputs.settings.items()}
+
+    (scenario, own), relays = overridden(made, overrides)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
     fold = Fold(Cast.of_scenario(scenario, without))
     recorder = Recorder([fold, *sinks, *([memory] if memory else [])])
-    with open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns) as bus:
+    with _bus(scenario, can) as bus:
         # Everything that can be wrong is found before the first file is opened.
         simulation = Simulation(scenario, relays, recorder, bus, pace, without)
         started = time.perf_counter()
-        metadata, attachments = describe(scenario, settings, overrides, without)
+        metadata, attachments = describe(scenario, own, overrides, without)
         start_ns = scenario.scenario.start_ns
         streams = open_streams(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
         recorder.sinks += streams.sinks
@@ -93,7 +97,7 @@ def run(
         recorder.close()
         wall_s = time.perf_counter() - started
         load = bus.load(simulation.simulated_ns)
-    return Result.of(
+    result = Result.of(
         scenario,
         fold.outcome(),
         log=None if log is None else Path(log),
@@ -106,38 +110,29 @@ def run(
         memory=memory,
         rerun=streams.rerun,
     )
+    if result.interrupted:
+        raise Interrupted(result)
+    return result
 
 
-def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], user_code: bool = True) -> None:
-    """What scenario and settings must agree on, and whether these may name code."""
-    for place in scenario.relay:
-        if not user_code:
-            refuse_user_code(settings[place.name])
-        own = settings[place.name].relay
-        for key, wanted in (
-            ("sampling_hz", scenario.system.sampling_hz),
-            ("frequency_hz", scenario.system.frequency_hz),
-        ):
-            got = getattr(own, key)
-            if got != wanted:
-                raise InputError(
-                    f"is {got} for relay '{place.name}', but the scenario's [system] has {wanted}",
-                    file=scenario.settings_path(place),
-                    key=f"relay.{key}",
-                )
+def _bus(scenario: Scenario, can: str | None) -> Transport:
+    """A bus of the run's own, unless one on which others may listen is asked for by its name."""
+    if can is None and not scenario.can.named:
+        return Transport.alone(scenario.can)
+    return open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns)
 
 
-def check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
-    """The functions that are expected to trip exist."""
-    for number, expect in enumerate(scenario.expect):
-        functions = [name for name in relays[expect.relay].bits if "." not in name and name != "PTRC1"]
-        if expect.function is not None and expect.function not in functions:
-            raise InputError(
-                f"relay '{expect.relay}' has no function '{expect.function}';"
-                f" {nearest(expect.function, functions)}",
-                file=scenario.path,
-                key=f"expect[{number}].function",
-            )
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, or a termination signal, has ended a run before its time.  The log is closed and whole.
+
+    Attributes
+    ----------
+    result : of the part that was run.
+    """
+
+    def __init__(self, result: Result) -> None:
+        super().__init__(f"interrupted at {result.simulated_s:g} s")
+        self.result = result
 
 
 class Interruptible(Protocol):

@@ -11,7 +11,7 @@ from pydantic import Field, PrivateAttr
 
 from faultloop.config.bus_fault import check_references as check_bus_faults
 from faultloop.config.expect import Expect
-from faultloop.config.override import apply_override
+from faultloop.config.override import apply_override, overridden
 from faultloop.config.place import RelayPlace
 from faultloop.config.tables import read_toml, validate
 from faultloop.errors import InputError
@@ -48,10 +48,14 @@ class AnyScenario(BusTables):
         """Read, override (``fault.F1.resistance_ohm=5``) and validate a file; raises InputError."""
         path = Path(path)
         data, text = read_toml(path)
-        data = cls.named(data)
-        for override in overrides:
-            apply_override(data, override)
-        return cls.from_dict(data, path=path, text=text)
+
+        def read(chosen: Sequence[str]) -> Self:
+            changed = cls.named(data)
+            for override in chosen:
+                apply_override(changed, override)
+            return cls.from_dict(changed, path=path, text=text)
+
+        return overridden(read, overrides)
 
     @classmethod
     def named(cls, data: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,12 +6,13 @@ One rule for units: with ``ohms = "secondary"`` every ohm, ampere and volt in th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
+from faultloop.config.override import set_key, split_override
 from faultloop.config.tables import ComplexOhm, Positive, Table, read_toml, validate
 from faultloop.errors import InputError
 from faultloop.relay.functions import FUNCTIONS
@@ -164,10 +165,12 @@ class RelaySettings(Tables):
         return given if function.most > 1 else () if given is None else (given,)
 
 
-def load_settings(path: Path | str) -> RelaySettings:
-    """Read and validate a relay settings file (TOML).  Raises InputError."""
+def load_settings(path: Path | str, overrides: Sequence[str] = ()) -> RelaySettings:
+    """Read, override (``pdis.1.reach_pu=0.9``: of PDIS1) and validate a settings file; raises InputError."""
     path = Path(path)
     data, text = read_toml(path)
+    for override in overrides:
+        set_key(data, *split_override(override), first=1, said=override)
     return RelaySettings.from_dict(data, path=path, text=text)
 
 

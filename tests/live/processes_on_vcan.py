@@ -12,15 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from faultloop.live.outcome import read_result
 
 import faultloop
 from faultloop.errors import InputError
 from faultloop.io.can.table import CURRENT_LSB, VOLTAGE_LSB, Kind
 from faultloop.io.mcap_reader import Log
 from faultloop.live.merge import merge
-from faultloop.live.outcome import read_result
 from faultloop.live.supervisor import Supervisor, run_processes
 from faultloop.loop.result import Result
+from faultloop.loop.runner import Interrupted
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CAN = "socketcan:vcan0"
@@ -196,7 +197,9 @@ def test_ctrl_c_ends_a_run_with_its_log_whole(tmp_path):
             signal.raise_signal(signal.SIGINT)
 
     path = SCENARIOS / "ag-zone1.toml"
-    result = run_processes(path, can=CAN, pace=0.01, log=tmp_path / "run.mcap", progress=press)
+    with pytest.raises(Interrupted) as ended:
+        run_processes(path, can=CAN, pace=0.01, log=tmp_path / "run.mcap", progress=press)
+    result = ended.value.result
     assert result.interrupted
     assert result.died == ()
     assert log_of(result).relays == ("RA", "RB")

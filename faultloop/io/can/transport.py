@@ -124,6 +124,11 @@ class Transport:
         self.ignored = 0
         """Frames of others without use here: remote, error, and FD frames where the bus is classic."""
 
+    @classmethod
+    def alone(cls, settings: CanSettings) -> Self:
+        """The model of the bus, with nobody else on it: what one run does is no other run's affair."""
+        return cls(SimulatedBus(settings.bitrate, settings.data_bitrate), None, settings.fd)
+
     def submit(self, t_ns: int, frame: Frame, sender: object = None) -> None:
         """Offer a frame at `t_ns`, not before the time up to which the bus was advanced."""
         if frame.fd and not self.fd:

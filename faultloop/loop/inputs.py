@@ -1,0 +1,153 @@
+"""What a run is made from: a scenario and its relays' settings, from files or objects, and overrides."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from faultloop.config.override import SETTING_PARTS, overridden, set_key, setting_of, split_override
+from faultloop.config.place import RelayPlace
+from faultloop.errors import InputError, nearest
+from faultloop.loop.scenario import AnyScenario, Scenario
+from faultloop.relay import RelaySettings, load_settings
+from faultloop.relay.layout import bit_names
+from faultloop.relay.named_code import refuse_user_code
+
+Given = RelaySettings | Mapping[str, Any]
+"""Settings as an object, or as the dict that a file's TOML would be."""
+
+PLACE_TABLES = frozenset(
+    name for name, field in RelayPlace.model_fields.items() if "FrontEnd" in str(field.annotation)
+)
+
+
+class Inputs(NamedTuple):
+    """Validated, and fit for each other."""
+
+    scenario: Scenario
+    settings: dict[str, RelaySettings]
+
+
+def divided(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Overrides of the scenario, and those of relays' settings (``relay.RA.pdis.1.reach_pu=0.9``)."""
+    of_settings = [override for override in overrides if _is_setting(override)]
+    return [override for override in overrides if override not in of_settings], of_settings
+
+
+def _is_setting(override: str) -> bool:
+    """More parts than a key of a ``[[relay]]`` has."""
+    parts = split_override(override)[0].split(".")
+    return parts[0] == "relay" and len(parts) >= SETTING_PARTS and parts[2] not in PLACE_TABLES
+
+
+def changes_of(overrides: Sequence[str], relay: str, relays: Sequence[str]) -> list[str]:
+    """Of the settings' overrides those of one relay, as its file has the keys."""
+    found = []
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        setting = setting_of(key.strip(), relays)
+        if setting is not None and setting[0] == relay:
+            found.append(f"{setting[1]}{equals}{value}")
+    return found
+
+
+def load_inputs(
+    scenario: Scenario | Path | str,
+    settings: Mapping[str, Given] | None = None,
+    overrides: Sequence[str] = (),
+    *,
+    user_code: bool = True,
+) -> Inputs:
+    """Read, override, validate.
+
+    Parameters
+    ----------
+    scenario : a file, or a `Scenario`, whose own keys cannot be overridden.
+    settings : by relay, in place of the files that the scenario names.
+    overrides : ``"fault.F1.at_pu=0.7"``, ``"relay.RA.pdis.1.reach_pu=0.9"``.
+
+    user_code : whether the settings may name code.
+
+    Raises
+    ------
+    InputError : anything that is wrong with them; what only the overrides make wrong is told of ``--set``.
+    """
+    return overridden(lambda chosen: _load(scenario, settings or {}, chosen, user_code), overrides)
+
+
+def _load(
+    scenario: Scenario | Path | str, given: Mapping[str, Given], overrides: Sequence[str], user_code: bool
+) -> Inputs:
+    own, of_settings = divided(overrides)
+    if not isinstance(scenario, AnyScenario):
+        scenario = Scenario.load(scenario, own)
+    elif own:
+        raise InputError(f"'{own[0]}' needs the scenario's file, not a Scenario", key="overrides")
+    names = [place.name for place in scenario.relay]
+    for name in given:
+        if name not in names:
+            raise InputError(f"there is no relay '{name}'; {nearest(name, names)}", key="settings")
+    found = {
+        place.name: _settings(
+            scenario, place, given.get(place.name), changes_of(of_settings, place.name, names)
+        )
+        for place in scenario.relay
+    }
+    check_settings(scenario, found, user_code)
+    check_expectations(scenario, found)
+    return Inputs(scenario, found)
+
+
+def _settings(
+    scenario: Scenario, place: RelayPlace, given: Given | None, changes: Sequence[str]
+) -> RelaySettings:
+    if given is None:
+        return load_settings(scenario.settings_path(place), changes)
+    if isinstance(given, RelaySettings) and not changes:
+        return given
+    if isinstance(given, RelaySettings):
+        data = json.loads(given.model_dump_json(by_alias=True, exclude_unset=True))
+        path, text = given.path, given.text
+    else:
+        data, path, text = json.loads(json.dumps(given)), None, ""
+    for change in changes:
+        set_key(data, *split_override(change), first=1, said=change)
+    try:
+        return RelaySettings.from_dict(data, path=path, text=text)
+    except InputError as error:
+        raise error.within(f"settings of relay '{place.name}'") from None
+
+
+def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], user_code: bool = True) -> None:
+    """What scenario and settings must agree on, and whether these may name code."""
+    for place in scenario.relay:
+        if not user_code:
+            refuse_user_code(settings[place.name])
+        own = settings[place.name].relay
+        for key, wanted in (
+            ("sampling_hz", scenario.system.sampling_hz),
+            ("frequency_hz", scenario.system.frequency_hz),
+        ):
+            got = getattr(own, key)
+            if got != wanted:
+                raise InputError(
+                    f"is {got} for relay '{place.name}', but the scenario's [system] has {wanted}",
+                    file=scenario.settings_path(place),
+                    key=f"relay.{key}",
+                )
+
+
+def check_expectations(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
+    """The functions that are expected to trip exist."""
+    for number, expect in enumerate(scenario.expect):
+        bits = bit_names(settings[expect.relay])
+        functions = [name for name in bits if "." not in name and name != "PTRC1"]
+        if expect.function is not None and expect.function not in functions:
+            raise InputError(
+                f"relay '{expect.relay}' has no function '{expect.function}';"
+                f" {nearest(expect.function, functions)}",
+                file=scenario.path,
+                key=f"expect[{number}].function",
+            )
