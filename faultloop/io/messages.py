@@ -174,6 +174,7 @@ BREAKER_STATUS = Message(
         Field("pole_b", "bool", "", "pole B is closed"),
         Field("pole_c", "bool", "", "pole C is closed"),
         Field("command", "string", "", "command received now: open or close, empty if none"),
+        Field("relay", "string", "", "whose command it was; empty if there was none"),
     ),
 )
 FAULT_STATE = Message(

@@ -83,8 +83,8 @@ class BreakerProcess:
                 for m in self._motions
             ]
         self._motions.append(Motion(command.t_ns + round(delay_ms * 1e6), command.operation, command.poles))
-        self._recorder.breaker(self.name, command.t_ns, self.closed, command.operation)
         relay = self.scenario.relay[command.relay].name
+        self._recorder.breaker(self.name, command.t_ns, self.closed, command.operation, relay)
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
         self._report(command.t_ns, "info", text)
 

@@ -105,4 +105,4 @@ class PlantProcess:
         self._recorder.event(EVENTS, t_ns, "info", text, "plant")
 
     def _record_poles(self, t_ns: int, number: int, closed: int) -> None:
-        self._recorder.breaker(self.scenario.breaker[number].name, t_ns, closed, "")
+        self._recorder.breaker(self.scenario.breaker[number].name, t_ns, closed)

@@ -143,10 +143,10 @@ class Recorder:
             sample_count=sample_count,
         )
 
-    def breaker(self, name: str, t_ns: int, closed: int, command: str) -> None:
-        """A breaker's closed poles, and the command it has taken, if that is what is told."""
+    def breaker(self, name: str, t_ns: int, closed: int, command: str = "", relay: str = "") -> None:
+        """A breaker's closed poles, and the command it has taken, and whose, if that is what is told."""
         poles = {f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")}
-        self.message(f"/breaker/{name}", t_ns, "BreakerStatus", command=command, **poles)
+        self.message(f"/breaker/{name}", t_ns, "BreakerStatus", command=command, relay=relay, **poles)
 
     def can_frame(self, t_ns: int, frame: Frame, direction: str, sender: str) -> None:
         """A frame that was on the bus."""

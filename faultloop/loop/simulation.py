@@ -188,8 +188,8 @@ class Simulation:
             relay.warm_up(before[:, i])
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
-        for number, name in enumerate(self._breaker_names):
-            self._record_breaker(0, number, self.plant.closed(name), "")
+        for name in self._breaker_names:
+            self.recorder.breaker(name, 0, self.plant.closed(name))
         self._record_relays(0)
 
     def _next_ns(self) -> int:
@@ -255,7 +255,7 @@ class Simulation:
         """
         for change in self.plant.changes:
             if change.kind == "pole":
-                self._record_breaker(change.t_ns, change.index, change.value, "")
+                self.recorder.breaker(self._breaker_names[change.index], change.t_ns, change.value)
                 if change.index in self._breaker_nodes:
                     self._breaker_nodes[change.index].set(t_ns, change.value)
             else:
@@ -280,9 +280,6 @@ class Simulation:
             node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
             node.measured[:14] = relay.phasors[-1]
             node.measured[14] = relay.fault_location
-
-    def _record_breaker(self, t_ns: int, number: int, closed: int, command: str) -> None:
-        self.recorder.breaker(self._breaker_names[number], t_ns, closed, command)
 
     def _event(self, t_ns: int, source: str, level: str, text: str, topic: str) -> None:
         self.recorder.event(topic, t_ns, level, text, source)
@@ -335,8 +332,8 @@ class Simulation:
         """A breaker acts on an accepted command; this is the time that a trip's report states."""
         name = self._breaker_names[number]
         self.plant.command(name, command.operation, command.poles, command.t_ns)
-        self._record_breaker(command.t_ns, number, self.plant.closed(name), command.operation)
         relay = self.scenario.relay[command.relay].name
+        self.recorder.breaker(name, command.t_ns, self.plant.closed(name), command.operation, relay)
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
         self._event(command.t_ns, name, "info", text, f"/breaker/{name}/events")
 

@@ -24,6 +24,8 @@ from faultloop.plant.probe import Probe
 from faultloop.plant.steady import ROTATION, Steady, fill, steady_states
 
 NS = 1_000_000_000
+SLIPPING = 0.1
+"""A source that is off the nominal frequency by less than this share is a system that slips."""
 SAME_INSTANT = 1e-6
 """Current zeros closer than this, in steps, are one instant: poles in series open together."""
 
@@ -137,13 +139,25 @@ class Plant:
         return m
 
     def history(self, n: int) -> NDArray[np.float64]:
-        """The ``n`` samples before sample 0, (n, relays, 6), of the steady state that the run begins in."""
+        """The ``n`` samples before sample 0, (n, relays, 6), of the steady state that the run begins in.
+
+        Systems that slip against each other do so from step 0 on: until then they stand as they do there, or
+        the time before the run would hold a pole slip that never was.
+        """
         steps = np.arange(-n, 0)[:, None, None] * self.steps_per_sample
         values = np.zeros((n, len(self.tables.relay), 6))
-        for angle, phasors in self._before:
+        for angle, phasors in self._standing():
             values += (phasors * np.exp(1j * angle * steps)).real
         convert_block(self._front, -n, values, values)
         return values
+
+    def _standing(self) -> list[tuple[float, NDArray[np.complex128]]]:
+        """Turn per step and phasors of what `history` is made of: of all frequencies that can be a system's,
+        the one nearest to the nominal is everybody's."""
+        nominal = 2 * math.pi * self.tables.system.frequency_hz / self._rate
+        systems = [angle for angle, _ in self._before if abs(angle - nominal) < SLIPPING * nominal]
+        common = min(systems, key=lambda angle: abs(angle - nominal), default=nominal)
+        return [(common if angle in systems else angle, phasors) for angle, phasors in self._before]
 
     def command(self, breaker: str, action: Literal["open", "close"], poles_mask: int, t_ns: int) -> None:
         """A breaker receives a command at ``t_ns``, not before the last advanced time.

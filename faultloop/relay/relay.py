@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -135,17 +135,19 @@ class Relay:
         """Run over the samples (n, 6) before sample 0: the relay has been in service when a run begins.
 
         ``n`` must be whole cycles, as the phasors' reference begins with the first sample that a relay sees.
-        A trip that stands at the end is told as one of sample 0.
+        A trip that stands at the end is none of the run's: the relay then begins with empty filters.
         """
         if len(samples) * self.settings.relay.frequency_hz % self.settings.relay.sampling_hz:
             raise ValueError(f"{len(samples)} samples are no whole number of cycles")
-        done, trip = 0, None
+        new, done = self.save(), 0
         while done < len(samples):
             done += self.advance(samples[done:])
-            trip = next((event for event in self.events if event.trip is not None), trip)
+        self.events = []
+        if self.outputs.trip_poles:
+            self.restore(new)
+            text = "would have tripped before the run began: begins anew, with empty filters"
+            self.events = [Event(0, "warning", text)]
         self.sample_count = 0
-        standing = trip is not None and self.outputs.trip_poles != 0
-        self.events = [replace(trip, sample_count=0)] if trip is not None and standing else []
 
     def save(self) -> Any:
         """Everything that changes while it runs."""

@@ -171,3 +171,17 @@ def test_a_key_file_for_others_is_refused(tmp_path: Path, mode: int) -> None:
     path = key_file(tmp_path, f'default = "{"0" * 32}"', mode)
     with pytest.raises(InputError, match=rf"others than its owner may use it \(mode {mode:04o}\)"):
         load_keys(path, ["RA"])
+
+
+@pytest.mark.skipif(os.name != "posix", reason="owners are POSIX")
+def test_a_key_file_of_another_user_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = key_file(tmp_path, f'default = "{"0" * 32}"')
+    own = path.stat().st_uid
+    assert load_keys(path, ["RA"])
+    monkeypatch.setattr(os, "geteuid", lambda: own + 1)
+    if own == 0:  # root's file is root's word
+        assert load_keys(path, ["RA"])
+        os.chown(path, 1234, -1)
+        monkeypatch.setattr(os, "geteuid", lambda: 0)
+    with pytest.raises(InputError, match="belongs to another user"):
+        load_keys(path, ["RA"])

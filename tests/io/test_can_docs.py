@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import re
+from math import nan
 
-from faultloop.io.can.frames import State
-from faultloop.io.can.table import MESSAGES
+import cantools
+from e2e import p01, p05
+
+from faultloop.io.can.dbc import DBC_PATH
+from faultloop.io.can.frames import Heartbeat, Measurements, Page, SampledValues, State, decode
+from faultloop.io.can.table import MESSAGES, STATE_KINDS, Kind
 
 
 def test_every_message_and_signal_is_on_the_page(root):
@@ -26,3 +31,30 @@ def test_the_example_on_the_page_runs(root):
     exec(compile(code, "docs/can.md", "exec"), names)
     assert isinstance(names["message"], State) and names["message"].poles == 7
     assert names["subscriber"].poles == 7
+
+
+def test_the_vectors_on_the_page(root):
+    """Made and read by faultloop; the CRC by another E2E library, the signals by cantools."""
+    page = (root / "docs" / "can.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+\(.*\))` \| (0x\w+) \| `([0-9a-f ]+)` \|$", page, re.MULTILINE)
+    names = {c.__name__: c for c in (Heartbeat, Kind, Measurements, Page, SampledValues, State)} | {
+        "nan": nan
+    }
+    database = cantools.database.load_file(DBC_PATH)
+    seen = set()
+    for text, identifier, data in rows:
+        message, number, content = eval(text, names), int(identifier, 16), bytes.fromhex(data)
+        frame = message.encode()
+        assert (frame.id, frame.data) == (number, content)
+        assert repr(decode(frame)) == repr(message)  # a NaN equals its text
+        kind = next(m.kind for m in MESSAGES if m.kind <= number < m.kind + m.count)
+        seen.add(kind)
+        if kind in STATE_KINDS:
+            assert p01.e2e_p01_check(bytearray(content), number)
+        if kind is Kind.SAMPLED_VALUES:
+            assert p05.e2e_p05_check(bytearray(content), number)
+        signals = database.decode_message(number, content, decode_choices=False)
+        if kind in STATE_KINDS:
+            poles = signals["pole_a"] | signals["pole_b"] << 1 | signals["pole_c"] << 2
+            assert (poles, signals["st_num"]) == (message.poles, message.st_num)
+    assert seen == {message.kind for message in MESSAGES}

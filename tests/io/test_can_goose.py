@@ -40,6 +40,24 @@ def test_intervals_double_up_to_the_heartbeat():
     assert [m.counter for _, m in sent] == [n % 15 for n in range(len(sent))]
 
 
+def test_states_that_no_frame_has_told_are_not_counted():
+    """Two poles that open between two frames: one new state, and its receiver takes it at once."""
+    publisher, subscriber = Publisher(Kind.BREAKER_STATUS, 0, poles=7), Subscriber()
+    first = decode(publisher.poll(0))
+    assert subscriber.receive(first, 0) is True
+    publisher.set(0b110, 10 * MS)
+    publisher.set(0b010, 11 * MS)
+    second = decode(publisher.poll(11 * MS))
+    assert (second.st_num, second.sq_num, second.poles) == (first.st_num + 1, 0, 0b010)
+    assert subscriber.receive(second, 11 * MS) is True
+    publisher.set(0b000, 20 * MS)  # and back again before a frame was sent: nothing has happened
+    publisher.set(0b010, 21 * MS)
+    third = decode(publisher.poll(21 * MS))
+    assert (third.st_num, third.sq_num, third.poles) == (second.st_num, 1, 0b010)
+    assert subscriber.receive(third, 21 * MS) is False
+    assert not subscriber.rejected
+
+
 def test_nothing_is_due_between():
     publisher = Publisher(Kind.TRIP, 0)
     assert publisher.poll(0) is not None

@@ -111,6 +111,17 @@ TRIP = {"function": "PDIS1", "zone": 1, "loop": "AG", "poles": 1, "sample_count"
 CLOSED = {"pole_a": True, "pole_b": True, "pole_c": True, "command": ""}
 
 
+def test_a_breaker_says_whom_it_obeyed() -> None:
+    """Two trips, two commands: not what came first after the decision, but what was obeyed."""
+    outcome = folded(
+        ("/relay/RA/trips", 10, "Trip", TRIP),
+        ("/relay/RB/trips", 11, "Trip", TRIP),
+        ("/breaker/QA", 12, "BreakerStatus", CLOSED | {"command": "open", "relay": "RB"}),
+        ("/breaker/QA", 14, "BreakerStatus", CLOSED | {"command": "open", "relay": "RA"}),
+    )
+    assert {trip.relay: trip.received_ns for trip in outcome.trips} == {"RA": 14, "RB": 12}
+
+
 def test_poles_that_were_open_already_are_open_when_the_trip_is_received() -> None:
     outcome = folded(
         ("/breaker/QA", 0, "BreakerStatus", CLOSED | {"pole_a": False}),

@@ -1,9 +1,10 @@
 """End-to-end protection of a frame's content (AUTOSAR E2E profiles 1 and 5).
 
-Profile 1, data-id mode "both" (variant 1A): CRC-8 SAE J1850 (polynomial 0x1D) in byte 0, start and final XOR
-zero as E2E_P01 has them, over the data id (low, then high byte) and bytes 1 to the end; the counter, 0 to 14,
-is the low nibble of byte 1.  Profile 5: CRC-16 CCITT-FALSE, least significant byte first, in bytes 0 and 1,
-over bytes 2 to the end and then the data id; the counter, 0 to 255, is byte 2.
+Profile 1, data-id mode "both" (variant 1A): in byte 0 a CRC-8 over the data id (low, then high byte) and
+bytes 1 to the end, with the polynomial of SAE J1850, 0x1D, but zero to start and as final XOR, where SAE
+has 0xFF; the counter, 0 to 14, is the low nibble of byte 1. Profile 5: CRC-16 CCITT-FALSE, least
+significant byte first, in bytes 0 and 1, over bytes 2 to the end and then the data id; the counter, 0 to
+255, is byte 2.
 Source: AUTOSAR Foundation, "E2E Protocol Specification" (PRS_E2EProtocol), profiles 1 and 5.  The data id is
 the frame's identifier, so that a frame that comes under another's name fails its check.
 """

@@ -52,25 +52,32 @@ class Publisher:
     repetition: Repetition = field(default_factory=Repetition)
     test: bool = False
     next_ns: int = field(init=False)  # when the next frame is due
+    _told: int = field(init=False)  # the poles that `_st_num` stands for
     _st_num: int = field(init=False, default=1)
     _sq_num: int = field(init=False, default=0)
     _counter: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         self.next_ns = self.start_ns
+        self._told = self.poles
 
     def set(self, poles: int, t_ns: int) -> None:
-        """The state from `t_ns` on; a frame is due at once if that is a change."""
+        """The state from `t_ns` on; a frame is due at once if that is a change.
+
+        What no frame has told was no state: two poles that open between two frames are one.
+        """
         if poles != self.poles:
             self.poles = poles
-            self._st_num = (self._st_num + 1) & 0xFF
-            self._sq_num = 0
             self.next_ns = t_ns
 
     def poll(self, t_ns: int) -> Frame | None:
         """The frame that is due at `t_ns`, or none; the next is due at `next_ns`."""
         if t_ns < self.next_ns:
             return None
+        if self.poles != self._told:
+            self._told = self.poles
+            self._st_num = (self._st_num + 1) & 0xFF
+            self._sq_num = 0
         frame = State(
             self.kind,
             self.number,

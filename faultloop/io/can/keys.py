@@ -57,11 +57,21 @@ def load_keys(path: Path, senders: Iterable[str]) -> dict[str, bytes]:
 def _check_private(path: Path) -> None:
     """POSIX only: Windows has no mode bits that would say it."""
     try:
-        mode = path.stat().st_mode
+        found = path.stat()
     except (OSError, ValueError) as error:  # a path with a NUL is a ValueError
         why = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read: {why}; [can] keys names it", file=path) from None
-    if os.name == "posix" and stat.S_ISREG(mode) and mode & 0o077:
+    if os.name != "posix" or not stat.S_ISREG(found.st_mode):
+        return
+    mode = found.st_mode
+    # who owns it may change its mode, and what is in it
+    if found.st_uid not in (os.geteuid(), 0):
+        raise InputError(
+            f"belongs to another user (uid {found.st_uid}, this is {os.geteuid()}): its keys are not yours to"
+            " trust; copy it",
+            file=path,
+        )
+    if mode & 0o077:
         raise InputError(
             f"others than its owner may use it (mode {stat.S_IMODE(mode):04o}); `chmod 600` it", file=path
         )

@@ -74,13 +74,13 @@ class MessageType:
 def _protected(poles: str) -> tuple[Signal, ...]:
     """Head of AUTOSAR E2E profile 1 (CRC, counter), poles, GOOSE's numbers, time: all of 8 bytes."""
     return (
-        Signal("crc", 0, 8, comment="CRC-8 SAE J1850 over the identifier (low, high byte) and bytes 1 to 7"),
+        Signal("crc", 0, 8, comment="CRC-8 (0x1D, start 0, no final XOR): identifier (low, high), bytes 1-7"),
         Signal("counter", 8, 4, comment="0 to 14, one more in each frame of this identifier"),
         Signal("pole_a", 12, 1, comment=poles),
         Signal("pole_b", 13, 1, comment=poles),
         Signal("pole_c", 14, 1, comment=poles),
         Signal("test", 15, 1, comment="1: sent under test; a receiver that is not must not act on it"),
-        Signal("st_num", 16, 8, comment="state number: one more with each change of the poles"),
+        Signal("st_num", 16, 8, comment="state number: one more with each change of poles that is told"),
         Signal("sq_num", 24, 8, comment="0 in the first frame of a state, then 1 to 255, then 1 again"),
         Signal("time", 32, 32, scale=1e-5, unit="s", comment="time of sending, since the run's start"),
     )
