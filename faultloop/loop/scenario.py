@@ -55,7 +55,7 @@ class AnyScenario(BusTables):
                 apply_override(changed, override)
             return cls.from_dict(changed, path=path, text=text)
 
-        return overridden(read, overrides)
+        return overridden(read, overrides, path)
 
     @classmethod
     def named(cls, data: Mapping[str, Any]) -> dict[str, Any]:
