@@ -11,8 +11,7 @@ from faultloop.config.override import SETTING_PARTS, overridden, set_key, settin
 from faultloop.config.place import RelayPlace
 from faultloop.errors import InputError, nearest
 from faultloop.loop.scenario import AnyScenario, Scenario
-from faultloop.relay import RelaySettings, load_settings
-from faultloop.relay.layout import bit_names
+from faultloop.relay import Relay, RelaySettings, load_settings
 from faultloop.relay.named_code import refuse_user_code
 
 Given = RelaySettings | Mapping[str, Any]
@@ -96,7 +95,6 @@ def _load(
         for place in scenario.relay
     }
     check_settings(scenario, found, user_code)
-    check_expectations(scenario, found)
     return Inputs(scenario, found)
 
 
@@ -139,10 +137,10 @@ def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], us
                 )
 
 
-def check_expectations(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
+def check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:
     """The functions that are expected to trip exist."""
     for number, expect in enumerate(scenario.expect):
-        bits = bit_names(settings[expect.relay])
+        bits = relays[expect.relay].bits
         functions = [name for name in bits if "." not in name and name != "PTRC1"]
         if expect.function is not None and expect.function not in functions:
             raise InputError(

@@ -14,7 +14,7 @@ from typing import Protocol
 from faultloop.config.override import overridden
 from faultloop.errors import InputError
 from faultloop.io.can.transport import Transport, open_transport
-from faultloop.loop.inputs import Given, Inputs, load_inputs
+from faultloop.loop.inputs import Given, Inputs, check_expectations, load_inputs
 from faultloop.loop.outcome import Cast, Fold
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_streams
@@ -69,7 +69,9 @@ def run(
 
     def made(chosen: Sequence[str]) -> tuple[Inputs, dict[str, Relay]]:
         inputs = load_inputs(what, settings, chosen, user_code=user_code)
-        return inputs, {name: Relay(own, name=name) for name, own in inputs.settings.items()}
+        relays = {name: Relay(own, name=name) for name, own in inputs.settings.items()}
+        check_expectations(inputs.scenario, relays)
+        return inputs, relays
 
     (scenario, own), relays = overridden(made, overrides)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
