@@ -222,7 +222,7 @@ class Log:
             if opcode != Opcode.MESSAGE or number != channel.id or offset + 9 + length > len(content):
                 raise ValueError(f"no message at byte {offset} of a chunk, where its index has one")
             proto = decode(bytes(content[offset + MESSAGE_HEAD.size : offset + 9 + length]))
-            rows.append((log_ns - self.start_ns, *(getattr(proto, f.name) for f in message.fields)))
+            rows.append((log_ns - self.start_ns, *(getattr(proto, f.name, f.absent) for f in message.fields)))
         return np.array(rows, array_dtype(message))
 
     def _from_records(self, records: np.ndarray, message: Message) -> np.ndarray:

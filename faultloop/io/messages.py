@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,11 @@ class Field:
     type: str
     unit: str = ""
     doc: str = ""
+
+    @property
+    def absent(self) -> Any:
+        """Its value in the messages of a version that did not have it yet, as protobuf has it."""
+        return {"string": "", "bytes": b""}.get(self.type, 0)
 
 
 @dataclass(frozen=True)
