@@ -41,7 +41,7 @@ def command(
 
 
 def _scenario(file: Path) -> dict[str, Any]:
-    from faultloop.loop.runner import check_settings
+    from faultloop.loop.inputs import check_settings
     from faultloop.loop.scenario import load_scenario
     from faultloop.relay import load_settings
 
