@@ -28,13 +28,13 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[0] = str(ROOT)  # and not this folder, whose can.py is not python-can
 
 import numpy as np
-from faultloop.live.outcome import read_result
 
 from faultloop.io.can.frames import Frame, Measurements, Page, State, decode
 from faultloop.io.can.table import PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_reader import open_log
 from faultloop.live.merge import merge
 from faultloop.live.supervisor import PLANT, Supervisor
+from faultloop.loop.outcome import Cast, outcome_of
 from faultloop.loop.scenario import Scenario, load_scenario
 
 SETTLED_S = 1.5
@@ -192,7 +192,7 @@ class Trials:
         for note in merge(supervisor.logs, out, supervisor.clock.start_ns, {}, {}):
             if "recovered" not in note and "left no log" not in note:
                 self.failures.append(note)
-        result = read_result(out, self.scenario, 0.0, {})
+        result = outcome_of(open_log(out), Cast.of_scenario(self.scenario))
         for place in self.scenario.relay:
             own = [trip for trip in result.trips if trip.relay == place.name]
             if not any(trip.function == "PDIS1" and trip.opened_ns is not None for trip in own):

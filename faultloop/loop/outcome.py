@@ -256,9 +256,12 @@ class Fold:
         pass
 
 
-def outcome_of(log: Log) -> Outcome:
-    """What the messages in a log come to.  Raises InputError where its content is damaged."""
-    fold = Fold(Cast.of_log(log))
+def outcome_of(log: Log, cast: Cast | None = None) -> Outcome:
+    """What the messages in a log come to; who is who is in the log, unless `cast` says it.
+
+    Raises InputError where its content is damaged.
+    """
+    fold = Fold(Cast.of_log(log) if cast is None else cast)
     for name, entries in (
         ("Trip", log.trips),
         ("BreakerStatus", log.breaker_states),

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from faultloop.live.outcome import read_result
 
 import faultloop
 from faultloop.errors import InputError
@@ -20,6 +19,7 @@ from faultloop.io.can.table import CURRENT_LSB, VOLTAGE_LSB, Kind
 from faultloop.io.mcap_reader import Log
 from faultloop.live.merge import merge
 from faultloop.live.supervisor import Supervisor, run_processes
+from faultloop.loop.outcome import Cast, outcome_of
 from faultloop.loop.result import Result
 from faultloop.loop.runner import Interrupted
 
@@ -169,7 +169,7 @@ def test_a_killed_and_a_restarted_node_rejoin_and_lost_frames_lose_no_trip(tmp_p
     out = tmp_path / "merged.mcap"
     notes = merge(supervisor.logs, out, clock.start_ns, {}, {})
     assert len([note for note in notes if note.startswith(("QA", "RB"))]) == 2  # recovered, or not begun
-    result = read_result(out, scenario, 0.0, {})
+    result = outcome_of(faultloop.open_log(out), Cast.of_scenario(scenario))
     decided = {(trip.relay, trip.function, trip.loop, trip.poles) for trip in result.trips}
     assert decided == {("RA", "PDIS1", "AG", 7), ("RB", "PDIS1", "AG", 7)}
     assert all(trip.t_ns > 2_000_000_000 for trip in result.trips)
