@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from faultloop.cli.output import print_json
+from faultloop.study.papers.mstukf.readings import half_digit
 from faultloop.study.papers.published import Published, state
 from faultloop.study.report import Check, Report, check_table
 
@@ -45,6 +46,13 @@ def test_held_is_a_boolean_in_json(capsys: pytest.CaptureFixture[str]) -> None:
     read = json.loads(capsys.readouterr().out)
     assert [c["held"] for c in read["checks"]] == [True, False]
     assert read["held"] is False and read["more"] == [False, 3]
+
+
+def test_a_published_figure_is_taken_to_the_digits_that_are_printed() -> None:
+    assert half_digit(0.13) == 0.005 and half_digit(0.026) == 0.0005 and half_digit(2.0) == 0.5
+    by_size = [Published("e", 0.13, {"": v}, rounding=0.005).check().held for v in (0.1349, 0.1351)]
+    assert by_size == [True, False]
+    assert Published("e", 78.0, {"": 77.6}, "%", True, rounding=0.5).check().held
 
 
 def test_a_published_figure_names_the_reading_that_reaches_it() -> None:

@@ -17,6 +17,7 @@ class Published:
     ----------
     what, figure, unit : what was published; ours should be at most that (``at_least``: at least).
     readings : ours by each reading of the text, the plainest first.
+    rounding : half a unit of the last digit that is printed, where the figure is that coarse.
     bound, because : the best that anything could do by those readings, where it is known, and what shows it.
     """
 
@@ -27,6 +28,7 @@ class Published:
     at_least: bool = False
     bound: float | None = None
     because: str = ""
+    rounding: float = 0.0
 
     def check(self) -> Check:
         """Of the first reading that reaches the figure, else of the one that is nearest."""
@@ -52,8 +54,9 @@ class Published:
         return held[0] if held else max(checks, key=lambda each: _finite(each[1].margin))
 
     def _held_against(self, reading: str, value: float) -> Check:
-        what, bound = f"{self.what}; {reading}", self.bound
-        return Check(what, value, self.figure, self.unit, self.at_least, bound, self.because)
+        what = f"{self.what}; {reading}"
+        limit = self.figure - self.rounding if self.at_least else self.figure + self.rounding
+        return Check(what, value, limit, self.unit, self.at_least, self.bound, self.because)
 
 
 def _finite(margin: float) -> float:

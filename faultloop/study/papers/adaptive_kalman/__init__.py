@@ -146,8 +146,8 @@ def report(quick: bool) -> Report:
         "The current of A-G 290 km depends on the decay constant that is assumed and on the criterion. As "
         "a vector and with L / R of the loop it is late; from 1.1 to 1.5 times L / R it is within the half "
         f"cycle, and at {TUNED:g} times all medians are; by the magnitude, which is what the paper's "
-        "figures draw, it is there with L / R itself. The paper's hint, the line's own time constant, is "
-        "the worst of these: see 'By the decay constant and the criterion'.",
+        "figures draw, it is there with L / R itself. With the paper's hint, the line's own time constant, "
+        "it is late: see 'By the decay constant and the criterion'.",
         *(["Quick: two faults, two angles."] if quick else []),
     ]
     result.tables += [_voltages(records), _currents(records), _floors(records), _package(records)]
@@ -376,8 +376,9 @@ def _figure(s: Signals, current: bool, time_constant: float, claim_ms: float) ->
     band = {"fillcolor": "#888", "opacity": 0.2, "line_width": 0}
     figure.add_hrect(y0=(1 - WITHIN) * settled, y1=(1 + WITHIN) * settled, **band)
     figure.add_vline(x=claim_ms, line_dash="dot", annotation_text="claim")
-    largest = 1.1 * float(np.abs(s.z[first:last, 0]).max())
-    figure.update_layout(template="plotly_white", legend={"orientation": "h", "y": -0.2})
+    largest = 1.5 * float(np.abs(s.z[first:last, 0]).max())
+    figure.update_layout(template="plotly_white", height=420, margin={"t": 20})
+    figure.update_layout(legend={"orientation": "h", "y": -0.2})
     figure.update_xaxes(title="after the inception [ms]")
     figure.update_yaxes(title="magnitude, per unit; grey: settled +- 5 %", range=[-largest, largest])
     return figure

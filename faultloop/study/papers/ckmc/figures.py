@@ -61,7 +61,10 @@ def _four(what: Plan, lines: Sequence[tuple[str, str, NDArray[np.float64]]], sca
                 name=name,
                 legendgroup=name,
                 showlegend=i == 0,
-                line={"color": colour, "width": 1.2},
+                line={
+                    "color": colour,
+                    "width": 3.0 if name == "CKF" else 1.2,
+                },  # it is often under the others
                 row=i // 2 + 1,
                 col=i % 2 + 1,
             )

@@ -179,13 +179,16 @@ def harmonics(report: Report, measured: Mapping[str, Array], figures: Mapping[st
     for name, values in figures.items():
         for i, figure in enumerate(values):
             own = {title: float(median(measured[name])[3 * k + i]) for k, title in enumerate(over)}
-            ours = (
-                {"ours, over the 700 samples": float(median(measured[OURS])[i])} if name == "MSTUKF" else {}
-            )
-            found.append(
-                Published(f"Harmonic {2 * i + 3}, {name}: mean square error", figure, own | ours, "%")
-            )
+            if name == "MSTUKF":
+                own["ours, over the 700 samples"] = float(median(measured[OURS])[i])
+            what = f"Harmonic {2 * i + 3}, {name}: mean square error"
+            found.append(Published(what, figure, own, "%", rounding=half_digit(figure)))
     state(report, found)
+
+
+def half_digit(figure: float) -> float:
+    """Half a unit of its last decimal: .23 is anything from .225 to .235."""
+    return 0.5 * 10.0 ** -len(f"{figure:g}".partition(".")[2])
 
 
 def end_bound() -> tuple[float, str]:
