@@ -18,9 +18,11 @@ if TYPE_CHECKING:
     from faultloop.loop.runner import run
     from faultloop.loop.scenario import Scenario, load_scenario
     from faultloop.relay.settings import RelaySettings, load_settings
+    from faultloop.study.campaign import Campaign
 
 # Loaded on first use: numba and numpy take most of a second, and `faultloop --help` needs neither.
 _PLACES = {
+    "Campaign": "faultloop.study.campaign",
     "InputError": "faultloop.errors",
     "Log": "faultloop.io.mcap_reader",
     "open_log": "faultloop.io.mcap_reader",
@@ -34,6 +36,7 @@ _PLACES = {
 }
 
 __all__ = [
+    "Campaign",
     "InputError",
     "Log",
     "RelaySettings",

@@ -9,6 +9,9 @@ from collections.abc import Sequence
 import typer
 
 from faultloop.cli import (
+    campaign,
+    campaign_case,
+    campaign_report,
     channels,
     check,
     diff,
@@ -39,9 +42,10 @@ app = typer.Typer(
 
 COMMANDS = (
     new, check, run, node, monitor, replay, channels, review, export, diff, recover, suite, schema,
+    campaign, campaign_report, campaign_case,
 )  # fmt: skip
 for command in COMMANDS:
-    app.command(name=command.__name__.rpartition(".")[2])(command.command)
+    app.command(name=command.__name__.rpartition(".")[2].replace("_", "-"))(command.command)
 
 
 def _version(wanted: bool) -> None:

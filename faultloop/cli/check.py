@@ -10,6 +10,10 @@ import typer
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
+ROW_BYTES = 60
+"""Of a campaign's file, per case (measured)."""
+FIXED_S, UNLOGGED = 0.005, 60
+"""Of a case without a log: seconds whatever its length, and seconds of one relay simulated in one."""
 LOG_BYTES = 620
 """Of a log, per relay and sample (measured)."""
 RELAYS_REAL_TIME = 40
@@ -17,7 +21,7 @@ RELAYS_REAL_TIME = 40
 
 
 def command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A scenario or relay settings.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A scenario, relay settings or a campaign.")],
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Validate a file and tell how long it will take and what it will write.  Nothing is run."""
@@ -26,10 +30,10 @@ def command(
     from faultloop.errors import InputError
 
     data, _ = read_toml(file)
-    kinds = {"scenario": _scenario, "relay": _settings}
+    kinds = {"campaign": _campaign, "scenario": _scenario, "relay": _settings}
     kind = next((name for name in kinds if isinstance(data.get(name), dict)), None)
     if kind is None:
-        raise InputError("has neither [scenario] (a scenario) nor [relay] (relay settings)", file=file)
+        raise InputError("has none of [scenario], [relay] (settings) and [campaign]", file=file)
     told = {"file": str(file), "valid": True} | kinds[kind](file)
     if json:
         print_json(told)
@@ -79,6 +83,25 @@ def _settings(file: Path) -> dict[str, Any]:
         "estimator": settings.estimator.method,
         "zones": [zone.zone for zone in settings.pdis],
         "user_code": code,
+    }
+
+
+def _campaign(file: Path) -> dict[str, Any]:
+    from faultloop.study.campaign import Campaign
+
+    campaign = Campaign.load(file)
+    first = campaign.case(0)
+    seconds = campaign.cases * (FIXED_S + first.scenario.scenario.duration_s * len(first.settings) / UNLOGGED)
+    return {
+        "kind": "campaign",
+        "name": campaign.plan.tables.campaign.name,
+        "cases": campaign.cases,
+        "varied": list(campaign.plan.keys),
+        "judges": len(campaign.plan.tables.judge),
+        "relays": list(first.settings),
+        "core_seconds_about": round(seconds, 1),
+        "file_mb": round(campaign.cases * ROW_BYTES / 1e6, 1),
+        "user_code": sorted({code for own in first.settings.values() for code in _code(own)}),
     }
 
 

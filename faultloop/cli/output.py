@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
-from rich.progress import Progress
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
@@ -20,6 +20,7 @@ from faultloop.cli.terminal import safe, warn
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
+    from faultloop.study.report import Report
 
 
 class _SafeConsole(Console):
@@ -47,6 +48,24 @@ def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) 
     return Group(Text(title, style="bold"), out)
 
 
+def print_report(report: Report) -> None:
+    """A report's texts and tables."""
+    from faultloop.study.report import cell, check_table
+
+    out = console()
+    out.print(report.title, style="bold")
+    if report.failed:
+        out.print(f"not made: {report.failed}", style="red")
+    for line in report.text:
+        out.print(line)
+    for shown in [*report.tables, *([check_table(report)] if report.checks else [])]:
+        out.print()
+        out.print(table(shown.title, shown.columns, [[cell(v) for v in row] for row in shown.rows]))
+        if shown.note:
+            out.print(shown.note, style="dim")
+    out.print()
+
+
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[float], None] | None]:
     """A bar on standard error, fed with the part done; None where that is no terminal."""
@@ -57,6 +76,30 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None] | None]:
     with Progress(console=err, transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda part: bar.update(task, completed=part)
+
+
+@contextmanager
+def case_bar(cases: int) -> Iterator[Callable[[int, int], None] | None]:
+    """A bar for a campaign, with its rate and the time left; None where standard error is no terminal."""
+    err = Console(stderr=True)
+    if not err.is_terminal:
+        yield None
+        return
+    columns = (
+        TextColumn("{task.completed:.0f} of {task.total:.0f} cases"),
+        BarColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(compact=True),
+    )
+    with Progress(*columns, console=err, transient=True) as bar:
+        task = bar.add_task("cases", total=cases, rate="")
+
+        def show(done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total)
+            speed = bar.tasks[0].speed
+            bar.update(task, rate="" if not speed else f"{3600 * speed:,.0f} an hour")
+
+        yield show
 
 
 def serve(stream: RerunSink | None) -> None:

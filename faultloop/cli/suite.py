@@ -22,9 +22,9 @@ def command(
 
     Exit status 3 where one is missed.  A published figure beyond a bound that is stated is none.
     """
-    from faultloop.cli.output import announce_compilation, console, print_json, progress_bar, table
+    from faultloop.cli.output import announce_compilation, console, print_json, print_report, progress_bar
     from faultloop.io.output_file import write_aside
-    from faultloop.study.report import cell, check_table, write_page
+    from faultloop.study.report import write_page
     from faultloop.study.suites import run_suite
 
     announce_compilation()
@@ -38,19 +38,8 @@ def command(
             {"suite": name, "held": all(r.held for r in reports), "reports": [r.as_dict() for r in reports]}
         )
     else:
-        out = console()
         for report in reports:
-            out.print(report.title, markup=False, highlight=False, style="bold")
-            if report.failed:
-                out.print(f"not made: {report.failed}", markup=False, style="red")
-            for line in report.text:
-                out.print(line, markup=False)
-            for shown in [*report.tables, *([check_table(report)] if report.checks else [])]:
-                out.print()
-                out.print(table(shown.title, shown.columns, [[cell(v) for v in row] for row in shown.rows]))
-                if shown.note:
-                    out.print(shown.note, markup=False, style="dim")
-            out.print()
+            print_report(report)
         if html is not None:
-            out.print(f"wrote {html}")
+            console().print(f"wrote {html}")
     return 0 if all(report.held for report in reports) else 3

@@ -16,6 +16,8 @@ OPTION = "--set"
 Read = TypeVar("Read")
 SETTING_PARTS = 4
 """``relay.NAME.table.key``: with fewer it is a key of the scenario's own ``[[relay]]``."""
+PLACE_TABLES = ("front_end",)
+"""Tables of the scenario's own ``[[relay]]``."""
 
 
 def apply_override(data: dict[str, Any], override: str) -> None:
@@ -44,7 +46,7 @@ def setting_of(key: str, relays: Sequence[str]) -> tuple[str, str] | None:
     relays : names of the scenario's relays, in its order.
     """
     parts = key.split(".")
-    if parts[0] != "relay" or len(parts) < SETTING_PARTS:
+    if parts[0] != "relay" or len(parts) < SETTING_PARTS or parts[2] in PLACE_TABLES:
         return None
     name = parts[1]
     if name not in relays and name.isdigit() and int(name) < len(relays):

@@ -1,0 +1,51 @@
+"""``faultloop campaign``"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def command(
+    campaign: Annotated[Path, typer.Argument(metavar="CAMPAIGN.toml", help="What to run.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="F.parquet", help="A row per case; logs/NAME.parquet where not given."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", help="Processes; one per core where not given.")
+    ] = None,
+    no_user_code: Annotated[
+        bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> int:
+    """Run many cases of a scenario; each gets a verdict.  What is there of it already is not run again."""
+    from faultloop.cli.output import announce_compilation, case_bar, console, print_json
+    from faultloop.study.campaign import Campaign
+
+    announce_compilation()
+    path = out if out is not None else Path("logs") / f"{campaign.stem}.parquet"
+    prepared = Campaign.load(campaign, user_code=not no_user_code)
+    try:
+        with case_bar(prepared.cases) as progress:
+            summary = prepared.run(path, workers=_cores() if workers is None else workers, progress=progress)
+    except KeyboardInterrupt:
+        print(f"faultloop: stopped; the same command goes on from what is in {path}.parts", file=sys.stderr)
+        return 130
+    if json:
+        print_json(vars(summary))
+    else:
+        out_ = console()
+        out_.print(f"{summary.cases} cases, {summary.new} of them run now: {summary.right} right,", end=" ")
+        out_.print(f"{summary.wrong} wrong, {summary.unjudged} unjudged, {summary.errors} failed")
+        out_.print(f"wrote {summary.out}")
+    return 0
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

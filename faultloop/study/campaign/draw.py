@@ -1,0 +1,113 @@
+"""What each case draws: from the seed, the case's number and the place of its ``[[vary]]``, and nothing else.
+
+So a case can be made again alone, in any order, by any number of workers.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from faultloop.config.campaign import Vary
+
+Array = NDArray[np.float64]
+SOBOL_BLOCK = 1024
+
+
+def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:
+    """(places,) numbers in (0, 1), by a counter-based generator (Salmon et al., 2011: Philox)."""
+    counter = (case << 64) | attempt  # each case has 2**64 draws of its own, each attempt 2**32 blocks
+    generator = np.random.Philox(key=seed, counter=counter << 64)
+    raw = generator.random_raw(places) >> np.uint64(11)
+    return (raw + 0.5) * 2.0**-53
+
+
+class Sobol:
+    """Points of a scrambled Sobol sequence (Owen, 1998) by their number."""
+
+    def __init__(self, seed: int, places: int) -> None:
+        self.seed, self.places = seed, places
+        self._block: tuple[int, Array] = (-1, np.empty((0, places)))
+
+    def point(self, number: int) -> Array:
+        """(places,) in (0, 1)."""
+        block, row = divmod(number, SOBOL_BLOCK)
+        if self._block[0] != block:
+            engine = qmc.Sobol(self.places, scramble=True, rng=np.random.default_rng(self.seed))
+            with warnings.catch_warnings():  # of a number of points that is no power of two
+                warnings.simplefilter("ignore", UserWarning)
+                if block:  # scipy cannot go on by nothing
+                    engine.fast_forward(block * SOBOL_BLOCK)
+                self._block = block, engine.random(SOBOL_BLOCK)
+        return np.clip(self._block[1][row], 2.0**-54, 1 - 2.0**-53)
+
+
+class Draws:
+    """Values of every varied key."""
+
+    def __init__(self, varied: Sequence[Vary], seed: int, sampling: str) -> None:
+        self.varied, self.seed, self.sampling = varied, seed, sampling
+        self._listed = [None if vary.is_draw else vary.listed() for vary in varied]
+        self._sobol = Sobol(seed, len(varied)) if sampling == "sobol" else None
+
+    @cached_property
+    def grid_size(self) -> int:
+        """How many combinations a grid has."""
+        return math.prod(len(listed) for listed in self._listed if listed is not None)
+
+    def at(self, number: int, attempt: int = 0) -> dict[str, Any]:
+        """The values of a combination of a grid (the last ``[[vary]]`` changes first), or of a drawn case."""
+        if self.sampling == "grid":
+            return self.of(self._combination(number))
+        if self._sobol is not None and attempt == 0:
+            parts = self._sobol.point(number)
+        else:  # a Sobol point that a condition refused is drawn again at random
+            parts = uniforms(self.seed, number, len(self.varied), attempt)
+        return self.of([self._value(place, float(part)) for place, part in enumerate(parts)])
+
+    def of(self, values: Sequence[Any]) -> dict[str, Any]:
+        """By key, from one value for each ``[[vary]]``."""
+        return {
+            key: value if key not in vary.factor else value * vary.factor[key]
+            for vary, value in zip(self.varied, values, strict=True)
+            for key in vary.all_keys
+        }
+
+    def ends(self, place: int) -> list[Any]:
+        """What shows whether a ``[[vary]]`` is possible at all: each value, or both ends."""
+        vary, listed = self.varied[place], self._listed[place]
+        if listed is not None:
+            return list(listed if vary.range is None else (listed[0], listed[-1]))
+        if vary.normal is not None:
+            return [vary.normal[0]]
+        return list(vary.uniform or vary.log_uniform or ())
+
+    def _combination(self, number: int) -> list[Any]:
+        values = []
+        for listed in reversed(self._listed):
+            assert listed is not None
+            number, index = divmod(number, len(listed))
+            values.append(listed[index])
+        return values[::-1]
+
+    def _value(self, place: int, part: float) -> Any:
+        vary, listed = self.varied[place], self._listed[place]
+        if listed is not None:
+            return listed[min(int(part * len(listed)), len(listed) - 1)]
+        if vary.uniform is not None:
+            low, high = vary.uniform
+            return low + (high - low) * part
+        if vary.log_uniform is not None:
+            low, high = vary.log_uniform
+            return min(max(low * (high / low) ** part, low), high)
+        assert vary.normal is not None
+        mean, deviation = vary.normal
+        return mean + deviation * float(ndtri(part))
