@@ -10,11 +10,11 @@ from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.loop.pacing import Deadlines, Percentiles
-from faultloop.loop.recording import Recorder
+from faultloop.loop.recording import PLANT_EVENTS, Recorder
 from faultloop.loop.scenario import Scenario
-from faultloop.nodes.plant import SECOND_NS, PlantNode
+from faultloop.nodes.clock import SECOND_NS
+from faultloop.nodes.plant import PlantNode
 
-EVENTS = "/plant/events"
 LATE_NS = SECOND_NS // 10
 """A plant that begins later than this after time zero joins a run that has begun."""
 
@@ -50,7 +50,7 @@ class PlantProcess:
         else:
             self.node.attend(self.scenario, max(now_ns, 0))
         for note in self.node.plant.notes:
-            recorder.event(EVENTS, 0, "info", note, "plant")
+            recorder.event(PLANT_EVENTS, 0, "info", note, "plant")
         for number, breaker in enumerate(self.scenario.breaker):
             self._record_poles(0, number, self.node.plant.closed(breaker.name))
 
@@ -73,7 +73,7 @@ class PlantProcess:
         first = -(-soon // self._cycle) * self._cycle
         self.node = PlantNode(self.scenario, first, self._report, self._changed)
         at_ns = self.node.sample_ns(first)
-        self._recorder.event(EVENTS, at_ns, "warning", f"joins at sample {first}", "plant")
+        self._recorder.event(PLANT_EVENTS, at_ns, "warning", f"joins at sample {first}", "plant")
 
     def receive(self, t_ns: int, frames: list[tuple[int, Frame]]) -> None:
         for at_ns, frame in frames:
@@ -91,18 +91,14 @@ class PlantProcess:
         }
 
     def _report(self, t_ns: int, level: str, text: str) -> None:
-        self._recorder.event(EVENTS, t_ns, level, text, "plant")
+        self._recorder.event(PLANT_EVENTS, t_ns, level, text, "plant")
 
     def _changed(self, t_ns: int, kind: str, number: int, value: int) -> None:
         if kind == "pole":
             self._record_poles(t_ns, number, value)
             return
         fault = self.scenario.fault[number]
-        self._recorder.message(
-            "/plant/faults", t_ns, "FaultState", fault=number, on=bool(value), type=fault.type
-        )
-        text = f"fault {fault.name} {fault.type} {'applied' if value else 'gone'}"
-        self._recorder.event(EVENTS, t_ns, "info", text, "plant")
+        self._recorder.fault(t_ns, number, fault.name, fault.type, bool(value))
 
     def _record_poles(self, t_ns: int, number: int, closed: int) -> None:
         self._recorder.breaker(self.scenario.breaker[number].name, t_ns, closed)

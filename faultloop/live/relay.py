@@ -17,10 +17,11 @@ from faultloop.loop.pacing import Percentiles
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes import FOREVER, relay_node
+from faultloop.nodes.block import RelayBlock
+from faultloop.nodes.clock import SampleClock
 from faultloop.plant import Plant
 from faultloop.relay import Relay, RelayInputs, load_settings
 
-SECOND_NS = 1_000_000_000
 SILENT_NS = 20_000_000
 """Without a sample for so long, the relay says that it measures nothing."""
 
@@ -48,8 +49,9 @@ class RelayProcess:
         settings = load_settings(scenario.settings_path(self.place), overrides)
         self.relay = Relay(settings, name=self.name)
         self._empty = self.relay.save()
-        self._sampling_hz = hz = scenario.system.sampling_hz
-        self._total = -(-round(scenario.scenario.duration_s * 1e9) * hz // SECOND_NS)
+        hz = scenario.system.sampling_hz
+        self._clock = SampleClock(hz)
+        self._total = self._clock.first_from(round(scenario.scenario.duration_s * 1e9))
         self._stream = SampleStream(hz, hz // gcd(hz, scenario.system.frequency_hz))
         self._samples_id = Kind.SAMPLED_VALUES + number
         self._recorder = Recorder([])
@@ -106,7 +108,7 @@ class RelayProcess:
                 m = self.relay.advance(rows[done:])
                 self._record(t_ns, rows[done : done + m])
                 done += m
-            last_ns = (first + len(rows) - 1) * SECOND_NS // self._sampling_hz
+            last_ns = self._clock.ns(first + len(rows) - 1)
             self._latency_ns.append(t_ns - last_ns)
 
     def _begin_anew(self, t_ns: int, first: int) -> None:
@@ -120,17 +122,8 @@ class RelayProcess:
 
     def _record(self, t_ns: int, rows: np.ndarray) -> None:
         relay = self.relay
-        counts = np.arange(relay.sample_count - len(rows), relay.sample_count)
-        self._recorder.relay_block(
-            self.name,
-            counts * SECOND_NS // self._sampling_hz,
-            counts,
-            rows,
-            relay.phasors,
-            relay.loops,
-            relay.pickup,
-            relay.operate,
-        )
+        first = relay.sample_count - len(rows)
+        self._recorder.block(self.name, self._clock, first, RelayBlock.of(relay, rows))
         self._tell(t_ns, relay.events)
         outputs = relay.outputs
         self.node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
@@ -139,14 +132,14 @@ class RelayProcess:
 
     def _tell(self, t_ns: int, events: list[Any]) -> None:
         for event in events:
-            at_ns = event.sample_count * SECOND_NS // self._sampling_hz
+            at_ns = self._clock.ns(event.sample_count)
             self._event(at_ns, event.level, event.text)
             if event.trip is not None:
                 self.trips += 1
                 self._recorder.trip(self.name, at_ns, event.sample_count, event.trip)
 
     def done(self, t_ns: int) -> bool:
-        return t_ns * self._sampling_hz >= self._total * SECOND_NS and (
+        return t_ns >= self._clock.ns(self._total) and (
             self._stream.next_count >= self._total or self._silent
         )
 

@@ -18,6 +18,7 @@ from faultloop.loop.outcome import Cast, Fold, Outcome
 from faultloop.loop.recording import Recorder, Sink
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.simulation import Simulation
+from faultloop.loop.warm import WarmStates
 from faultloop.relay import Relay, RelaySettings, load_settings
 
 
@@ -38,9 +39,10 @@ class CaseOutcome(Outcome):
 class Prepared:
     """A case that is ready to run, as often as wanted; one at a time of the `Cases` that prepared it."""
 
-    def __init__(self, scenario: Scenario, relays: Mapping[str, _Kept]) -> None:
+    def __init__(self, scenario: Scenario, relays: Mapping[str, _Kept], warm: WarmStates) -> None:
         self.scenario = scenario
         self._relays = relays
+        self._warm = warm
 
     def run(self, sinks: Sequence[Sink] = ()) -> CaseOutcome:
         """The whole case; `sinks` (`faultloop.loop.recording.MemorySink`) get its samples and estimates."""
@@ -48,7 +50,7 @@ class Prepared:
         relays = {name: kept.as_new() for name, kept in self._relays.items()}
         bus = Transport.alone(scenario.can)
         fold = Fold(Cast.of_scenario(scenario))
-        simulation = Simulation(scenario, relays, Recorder([fold, *sinks]), bus)
+        simulation = Simulation(scenario, relays, Recorder([fold, *sinks]), bus, warm_up=self._warm.warm_up)
         simulation.run()
         return CaseOutcome(
             **vars(fold.outcome()),
@@ -58,7 +60,7 @@ class Prepared:
 
 
 class Cases:
-    """Makes cases ready, and keeps what they share: relays by their settings.
+    """Makes cases ready, and keeps what they share: relays by their settings, and what their warm-ups led to.
 
     Not to be used by two threads at once; each has its own.
     """
@@ -66,6 +68,7 @@ class Cases:
     def __init__(self) -> None:
         self._files: dict[Any, RelaySettings] = {}
         self._relays: dict[tuple[str, str], _Kept] = {}
+        self._warm = WarmStates()
 
     def prepare(self, scenario: Scenario, settings: Mapping[str, RelaySettings] | None = None) -> Prepared:
         """A case of `scenario`.
@@ -87,9 +90,8 @@ class Cases:
             for place in scenario.relay
         }
         check_settings(scenario, own)
-        return Prepared(
-            scenario, {place.name: self._kept(place.name, own[place.name]) for place in scenario.relay}
-        )
+        names = [place.name for place in scenario.relay]
+        return Prepared(scenario, {name: self._kept(name, own[name]) for name in names}, self._warm)
 
     def _load(self, path: Any) -> RelaySettings:
         if path not in self._files:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import platform
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -22,6 +23,8 @@ from faultloop.io.messages import (
     values,
 )
 from faultloop.loop.scenario import Scenario
+from faultloop.nodes.block import RelayBlock
+from faultloop.nodes.clock import SampleClock
 
 if TYPE_CHECKING:
     from faultloop.io.can.frames import Frame
@@ -29,6 +32,7 @@ if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
     from faultloop.relay import RelaySettings, Trip
 
+PLANT_EVENTS = "/plant/events"
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
@@ -122,6 +126,11 @@ class Recorder:
         for sink in self.sinks:
             sink.relay_block(name, *arrays)
 
+    def block(self, name: str, clock: SampleClock, first: int, block: RelayBlock) -> None:
+        """A relay's samples from number `first` on, and what it made of them."""
+        counts = np.arange(first, first + len(block.samples))
+        self.relay_block(name, clock.ns(counts), counts, *block)
+
     def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
         for sink in self.sinks:
             sink.message(topic, t_ns, message_name, **fields)
@@ -142,6 +151,12 @@ class Recorder:
             poles=trip.poles,
             sample_count=sample_count,
         )
+
+    def fault(self, t_ns: int, number: int, name: str, kind: str, on: bool) -> None:
+        """A fault that the plant has applied or removed, for a program and for a person."""
+        self.message("/plant/faults", t_ns, "FaultState", fault=number, on=on, type=kind)
+        text = f"fault {name} {kind} {'applied' if on else 'gone'}"
+        self.event(PLANT_EVENTS, t_ns, "info", text, "plant")
 
     def breaker(self, name: str, t_ns: int, closed: int, command: str = "", relay: str = "") -> None:
         """A breaker's closed poles, and the command it has taken, and whose, if that is what is told."""
@@ -256,6 +271,11 @@ def describe(
 
 def versions() -> dict[str, str]:
     """Of everything that a result may depend on."""
+    return dict(_versions())
+
+
+@cache  # looked up in the file system: 1 ms a package
+def _versions() -> dict[str, str]:
     packages = ("faultloop", "numpy", "numba", "llvmlite", "mcap")
     found = {name: importlib.metadata.version(name) for name in packages}
     return found | {"python": platform.python_version(), "machine": platform.machine()}

@@ -1,15 +1,15 @@
 """The closed loop: one clock, plant, relays, bus, breakers, recorder.
 
-Causality is exact: no frame acts before it has arrived. Plant and relays run ahead in blocks, and a block is
-cut back to the first sample at which anything changed that another part can hear of: a relay's output, a
-breaker's pole, a fault. So Python is paid per change and not per sample, and the result is the same, bit for
-bit, as sample by sample.
+Causality is exact: no frame acts before it has arrived. Plant and relays run ahead in blocks (`ahead`), which
+end at the first sample at which anything changed that another part can hear of: a relay's output, a breaker's
+pole, a fault. So Python is paid per change and not per sample, and the result is the same, bit for bit, as
+sample by sample.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,11 +20,12 @@ from faultloop.io.can.frames import Frame
 from faultloop.io.can.senders import Senders
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport
+from faultloop.loop.ahead import Ahead
 from faultloop.loop.bus_faults import Edge, Edges, counted, end_ns, without_effect
 from faultloop.loop.bus_faults import describe as describe_fault
 from faultloop.loop.outcome import pole_names
 from faultloop.loop.pacing import Deadlines
-from faultloop.loop.recording import Recorder
+from faultloop.loop.recording import PLANT_EVENTS, Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes import (
     FOREVER,
@@ -39,15 +40,14 @@ from faultloop.nodes import (
     relay_node,
     with_followed_breakers,
 )
+from faultloop.nodes.clock import SampleClock
 from faultloop.nodes.rogue import rogue_nodes
 from faultloop.plant import Plant
-from faultloop.relay import Relay, RelayInputs
+from faultloop.relay import Event, Relay, RelayInputs
 
-SECOND_NS = 1_000_000_000
 BLOCK = 240
 """Samples that plant and relays run ahead at most."""
 
-PLANT_EVENTS = "/plant/events"
 CAN_EVENTS = "/can/events"
 
 
@@ -63,6 +63,7 @@ class Simulation:
     pace : simulated seconds per second of wall time; None runs as fast as it can.
     without : breakers that are not simulated: the plant follows the status that somebody else on the bus
         publishes for them.
+    warm_up : runs a relay over the samples before sample 0.
     """
 
     def __init__(
@@ -73,15 +74,19 @@ class Simulation:
         bus: Transport,
         pace: float | None = None,
         without: Collection[str] = (),
+        *,
+        warm_up: Callable[[Relay, np.ndarray], None] = Relay.warm_up,
     ) -> None:
         self.scenario = scenario
+        self._warm_up = warm_up
         left_out = _breakers_left_out(scenario, without)
         self.plant = Plant(with_followed_breakers(scenario, left_out))
         self.relays = [relays[place.name] for place in scenario.relay]
         self.recorder = recorder
         self.bus = bus
-        self.sampling_hz = self.plant.sampling_hz
-        self.total = -(-round(scenario.scenario.duration_s * 1e9) * self.sampling_hz // SECOND_NS)
+        self.clock = SampleClock(self.plant.sampling_hz)
+        self.total = self.clock.first_from(round(scenario.scenario.duration_s * 1e9))
+        self._ahead = Ahead(self.plant, self.relays)
         self._breaker_names = [b.name for b in scenario.breaker]
         self._relay_nodes = [self._relay_node(i) for i in range(len(scenario.relay))]
         numbers = range(len(scenario.breaker))
@@ -98,12 +103,12 @@ class Simulation:
         self._away: frozenset[str] = frozenset()  # restarting
         self._cold: list[Any] = []  # the relays' states before anything was measured
         self._seat()
-        self.deadlines = Deadlines(SECOND_NS // self.sampling_hz)
+        self.deadlines = Deadlines(self.clock.ns(1))
         """Of the blocks, in a run that is paced."""
         self.interrupted = False
         self._pace = pace
         # In real time a block must not keep anybody waiting; in simulated time it may be long.
-        self._block = BLOCK if pace is None else max(1, self.sampling_hz // 1000)
+        self._block = BLOCK if pace is None else max(1, self.clock.sampling_hz // 1000)
 
     # -- who is on the bus ----------------------------------------------------------------------------------
 
@@ -140,35 +145,20 @@ class Simulation:
 
     # -- the clock ------------------------------------------------------------------------------------------
 
-    def _sample_ns(self, k: int) -> int:
-        return k * SECOND_NS // self.sampling_hz
-
-    def _first_sample_from(self, t_ns: int) -> int:
-        """Number of the first sample that is not before `t_ns`."""
-        k = t_ns * self.sampling_hz // SECOND_NS
-        while self._sample_ns(k) < t_ns:
-            k += 1
-        return k
-
     def run(self, progress: Callable[[float], None] | None = None) -> None:
         """From the first sample to the last."""
         self._begin()
         started = time.monotonic()
         k = 0
         while k < self.total and not self.interrupted:
-            t_ns = self._sample_ns(k)
-            self._serve_bus(t_ns)
-            horizon = self._next_ns()
-            n = min(self._block, self.total - k)
-            if horizon < self._sample_ns(k + n):
-                n = max(1, self._first_sample_from(horizon) - k)
-            k += self._advance(k, n)
+            self._serve_bus(self.clock.ns(k))
+            k += self._advance(k)
             if progress is not None:
                 progress(k / self.total)
             if self._pace is not None:
-                self._keep_time(self._sample_ns(k), started, self._pace)
-        self._serve_bus(self._sample_ns(k))
-        self.simulated_ns = self._sample_ns(k)
+                self._keep_time(self.clock.ns(k), started, self._pace)
+        self._serve_bus(self.clock.ns(k))
+        self.simulated_ns = self.clock.ns(k)
         for fault in self.scenario.bus_fault:
             if end_ns(fault) > self.simulated_ns:
                 self._tell(self.simulated_ns, fault, "still there at the end of the run")
@@ -181,72 +171,52 @@ class Simulation:
         self.deadlines.note(t_ns, round((time.monotonic() - started) * pace * 1e9))
 
     def _begin(self) -> None:
-        before = self.plant.history(self.sampling_hz)  # a second: whole cycles at any nominal frequency
+        before = self.plant.history(self.clock.sampling_hz)  # a second: whole cycles at any nominal frequency
         for i, (place, relay) in enumerate(zip(self.scenario.relay, self.relays, strict=True)):
             self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
             self._cold.append(relay.save())
-            relay.warm_up(before[:, i])
+            self._warm_up(relay, before[:, i])
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
         for name in self._breaker_names:
             self.recorder.breaker(name, 0, self.plant.closed(name))
-        self._record_relays(0)
+        for i, relay in enumerate(self.relays):
+            self._record_events(i, relay.events)
+            self._set(i, 0, relay.phasors[-1])
 
     def _next_ns(self) -> int:
-        """When something on the bus may act or must be sent; no block may pass it."""
+        """When something on the bus may act or must be sent; no piece may pass it."""
         acting = self.bus.next_event_ns() if self._acting_frame_pending() else None
         due = min(self._next_poll_ns(), self._senders.next_ns, self._edges.next_ns)
         return due if acting is None else min(acting, due)
 
     def _acting_frame_pending(self) -> bool:
-        """Measurements and heartbeats act on nobody: a block need not stop for their arrival."""
+        """Measurements and heartbeats act on nobody: they need not be waited for."""
         return any(frame.id < Kind.SAMPLED_VALUES for frame in self.bus.pending())
 
-    # -- one block ------------------------------------------------------------------------------------------
+    def _until(self, t_ns: int, k: int) -> int:
+        """Samples from `k` on that are before `t_ns`: at least one, at most a block, none after the run."""
+        n = min(self._block, self.total - k)
+        return n if t_ns >= self.clock.ns(k + n) else max(1, self.clock.first_from(t_ns) - k)
 
-    def _advance(self, k: int, n: int) -> int:
-        """Run plant and relays over up to `n` samples from sample `k`; returns how many were run."""
-        plant = self.plant
-        plant_before = plant.save()
-        running = self._running()
-        relays_before = [relay.save() for _, relay in running]
-        produced = done = plant.advance(n)
-        reached = []
-        for i, relay in running:
-            done = relay.advance(plant.samples[:done, i])
-            reached.append(done)
-        # Whoever ran past the first change goes back and stops with it.
-        for (i, relay), before, m in zip(running, relays_before, reached, strict=True):
-            if m > done:
-                relay.restore(before)
-                relay.advance(plant.samples[:done, i])
-        if produced > done:
-            plant.restore(plant_before)
-            plant.advance(done)
-        self._record_samples(k, done)
-        last_ns = self._sample_ns(k + done - 1)
-        self._record_plant(last_ns)
-        self._record_relays(last_ns)
-        return done
+    # -- one piece ------------------------------------------------------------------------------------------
 
-    def _running(self) -> list[tuple[int, Relay]]:
-        """The relays that are not restarting, by number."""
-        return [(i, relay) for i, relay in enumerate(self.relays) if self._relay_names[i] not in self._away]
+    def _advance(self, k: int) -> int:
+        """Run plant and relays from sample `k` to what is next on the bus; returns how many samples.
 
-    def _record_samples(self, k: int, m: int) -> None:
-        counts = np.arange(k, k + m)
-        t_ns = counts * SECOND_NS // self.sampling_hz
-        for i, relay in self._running():
-            self.recorder.relay_block(
-                self._relay_names[i],
-                t_ns,
-                counts,
-                self.plant.samples[:m, i],
-                relay.phasors[:m],
-                relay.loops[:m],
-                relay.pickup[:m],
-                relay.operate[:m],
-            )
+        What a relay measures is shown as it is at the end of a block: none passes the next showing.
+        """
+        shown_ns = min((node.shown_ns for node in self._relay_nodes), default=FOREVER)
+        piece = self._ahead.take(self._until(self._next_ns(), k), self._until(shown_ns, k))
+        for i, (block, _) in piece.relays.items():
+            self.recorder.block(self._relay_names[i], self.clock, piece.first, block)
+        if piece.ends:
+            self._record_plant(self.clock.ns(k + piece.count - 1))
+        for i, (block, events) in piece.relays.items():
+            self._record_events(i, events)
+            if piece.ends:
+                self._set(i, self.clock.ns(k + piece.count - 1), block.phasors[-1])
+        return piece.count
 
     def _record_plant(self, t_ns: int) -> None:
         """Poles and faults that the block, which ends at `t_ns`, changed.
@@ -260,26 +230,23 @@ class Simulation:
                     self._breaker_nodes[change.index].set(t_ns, change.value)
             else:
                 fault = self.scenario.fault[change.index]
-                on = bool(change.value)
-                self.recorder.message(
-                    "/plant/faults", change.t_ns, "FaultState", fault=change.index, on=on, type=fault.type
-                )
-                text = f"fault {fault.name} {fault.type} {'applied' if on else 'gone'}"
-                self._event(change.t_ns, "plant", "info", text, PLANT_EVENTS)
+                self.recorder.fault(change.t_ns, change.index, fault.name, fault.type, bool(change.value))
 
-    def _record_relays(self, t_ns: int) -> None:
-        """Events, trips and outputs of the relays' last block, which ends at `t_ns`."""
-        for i, relay in self._running():
-            place, node = self.scenario.relay[i], self._relay_nodes[i]
-            for event in relay.events:
-                at_ns = self._sample_ns(event.sample_count)
-                self._event(at_ns, place.name, event.level, event.text, f"/relay/{place.name}/events")
-                if event.trip is not None:
-                    self.recorder.trip(place.name, at_ns, event.sample_count, event.trip)
-            outputs = relay.outputs
-            node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
-            node.measured[:14] = relay.phasors[-1]
-            node.measured[14] = relay.fault_location
+    def _record_events(self, number: int, events: Iterable[Event]) -> None:
+        name = self._relay_names[number]
+        for event in events:
+            at_ns = self.clock.ns(event.sample_count)
+            self._event(at_ns, name, event.level, event.text, f"/relay/{name}/events")
+            if event.trip is not None:
+                self.recorder.trip(name, at_ns, event.sample_count, event.trip)
+
+    def _set(self, number: int, t_ns: int, phasors: np.ndarray) -> None:
+        """The outputs of a relay at the end of a block, `t_ns`, and what it measures there."""
+        relay, node = self.relays[number], self._relay_nodes[number]
+        outputs = relay.outputs
+        node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
+        node.measured[:14] = phasors
+        node.measured[14] = relay.fault_location
 
     def _event(self, t_ns: int, source: str, level: str, text: str, topic: str) -> None:
         self.recorder.event(topic, t_ns, level, text, source)
@@ -316,7 +283,10 @@ class Simulation:
             self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
             for name, node, relay in zip(self._relay_names, self._relay_nodes, self.relays, strict=True):
                 if name not in deaf and node.receive(t_ns, frame):
-                    relay.inputs = RelayInputs(node.breaker_closed, node.pilot_received)
+                    inputs = RelayInputs(node.breaker_closed, node.pilot_received)
+                    if inputs != relay.inputs:
+                        self._ahead.settle()
+                        relay.inputs = inputs
             for rogue in self._rogues:
                 rogue.receive(t_ns, frame)
             for number, node in self._breaker_nodes.items():
@@ -331,6 +301,7 @@ class Simulation:
     def _obey(self, number: int, command: Command) -> None:
         """A breaker acts on an accepted command; this is the time that a trip's report states."""
         name = self._breaker_names[number]
+        self._ahead.settle()
         self.plant.command(name, command.operation, command.poles, command.t_ns)
         relay = self.scenario.relay[command.relay].name
         self.recorder.breaker(name, command.t_ns, self.plant.closed(name), command.operation, relay)
@@ -346,11 +317,13 @@ class Simulation:
         self._deaf = frozenset(name for name in self._names if self._senders.silent(name, t_ns))
         if fault.kind != "restart" or fault.node not in self._names:
             return
+        self._ahead.settle()
         if edge.begins:
             self._away |= {fault.node}
         else:
             self._away -= {fault.node}
             self._rejoin(t_ns, fault.node)
+        self._ahead.run_only([i for i, name in enumerate(self._relay_names) if name not in self._away])
         self._seat()
 
     def _tell(self, t_ns: int, fault: BusFault, what: str) -> None:
@@ -367,7 +340,7 @@ class Simulation:
         number = self._relay_names.index(name)
         self._relay_nodes[number] = self._relay_node(number, t_ns)
         self.relays[number].restore(self._cold[number])
-        self.relays[number].sample_count = self._first_sample_from(t_ns)
+        self.relays[number].sample_count = self.clock.first_from(t_ns)
 
     # -- breakers that are somebody else's ------------------------------------------------------------------
 
@@ -379,6 +352,7 @@ class Simulation:
 
     def _move(self, t_ns: int, number: int, movement: Movement) -> None:
         name = self._breaker_names[number]
+        self._ahead.settle()
         self.plant.command(name, movement.operation, movement.poles, t_ns)
         text = f"status {movement.operation}, poles {pole_names(movement.poles)}"
         self._event(t_ns, name, "info", text, f"/breaker/{name}/events")

@@ -2,9 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple, overload
+
 import numpy as np
+from numpy.typing import NDArray
 
 FOREVER = np.iinfo(np.int64).max
+SECOND_NS = 1_000_000_000
+
+
+class SampleClock(NamedTuple):
+    """When each sample is taken, counted from the run's start: nothing adds up."""
+
+    sampling_hz: int
+
+    @overload
+    def ns(self, k: int) -> int: ...
+    @overload
+    def ns(self, k: NDArray[np.int64]) -> NDArray[np.int64]: ...
+    def ns(self, k: Any) -> Any:
+        """Time of sample `k`, or of an array of them [ns]."""
+        return k * SECOND_NS // self.sampling_hz
+
+    def first_from(self, t_ns: int) -> int:
+        """Number of the first sample that is not before `t_ns`."""
+        k = t_ns * self.sampling_hz // SECOND_NS
+        while self.ns(k) < t_ns:
+            k += 1
+        return k
 
 
 class Cyclic:

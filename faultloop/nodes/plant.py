@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, ticks
 from faultloop.io.can.table import OPERATIONAL, PLANT_NODE
-from faultloop.nodes.clock import Cyclic
+from faultloop.nodes.clock import Cyclic, SampleClock
 from faultloop.nodes.follower import with_followed_breakers
 from faultloop.nodes.refusals import Report
 from faultloop.nodes.roster import breaker_follower
@@ -15,7 +15,6 @@ from faultloop.plant import Plant
 from faultloop.plant.breaker import Breaker
 from faultloop.plant.fault import Fault
 
-SECOND_NS = 1_000_000_000
 AT_ONCE = 64
 """Samples that one `poll` makes at most: a late plant must still hear the breakers."""
 
@@ -39,12 +38,13 @@ class PlantNode:
         sampling_hz = scenario.system.sampling_hz
         if first_sample * scenario.system.frequency_hz % sampling_hz:
             raise ValueError(f"sample {first_sample} is not at a whole cycle")
-        begins_ns = first_sample * SECOND_NS // sampling_hz
+        self._clock = SampleClock(sampling_hz)
+        begins_ns = self._clock.ns(first_sample)
         followed = with_followed_breakers(scenario, frozenset(b.name for b in scenario.breaker))
         self.plant = Plant(followed.beginning_at(begins_ns / 1e9) if begins_ns else followed)
         _rehearse(self.plant)
         self.sampling_hz = sampling_hz
-        self.total = -(-round(scenario.scenario.duration_s * 1e9) * sampling_hz // SECOND_NS)
+        self.total = self._clock.first_from(round(scenario.scenario.duration_s * 1e9))
         self.sample_count = self.first_sample = first_sample
         self._begins_ns = begins_ns
         self._names = [breaker.name for breaker in scenario.breaker]
@@ -65,7 +65,7 @@ class PlantNode:
 
     def sample_ns(self, count: int) -> int:
         """Run time of a sample [ns]."""
-        return count * SECOND_NS // self.sampling_hz
+        return self._clock.ns(count)
 
     @property
     def done(self) -> bool:
@@ -82,7 +82,7 @@ class PlantNode:
         """The frames that are due."""
         frames: list[Frame] = []
         # Those with `sample_ns` up to `t_ns`.
-        due = min(-(-(t_ns + 1) * self.sampling_hz // SECOND_NS), self.total)
+        due = min(self._clock.first_from(t_ns + 1), self.total)
         n = min(due - self.sample_count, AT_ONCE)
         while n > 0:
             made = self.plant.advance(n)

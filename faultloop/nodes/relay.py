@@ -78,6 +78,11 @@ class RelayNode:
             self._measurements.next_ns,
         )
 
+    @property
+    def shown_ns(self) -> int:
+        """When it shows what the relay measures next."""
+        return self._measurements.next_ns
+
     def set(self, t_ns: int, trip: int, close: int, pilot: int) -> None:
         """The relay's outputs from `t_ns` on, each a mask of poles."""
         self.trip.set(trip, t_ns)

@@ -1,0 +1,31 @@
+"""A stretch of a relay's samples and what it made of them, as it goes into a log."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.relay import Relay
+
+Array = NDArray[np.float64]
+
+
+class RelayBlock(NamedTuple):
+    """Of n samples: (n, 6), phasors (n, 14), loops (n, 12), bits of pickup and of operate (n,)."""
+
+    samples: Array
+    phasors: Array
+    loops: Array
+    pickup: NDArray[np.uint64]
+    operate: NDArray[np.uint64]
+
+    @classmethod
+    def of(cls, relay: Relay, samples: Array) -> RelayBlock:
+        """The relay's last `advance`, over `samples`; the relay's next one overwrites it."""
+        return cls(samples, relay.phasors, relay.loops, relay.pickup, relay.operate)
+
+    def piece(self, start: int, stop: int) -> RelayBlock:
+        """Rows `start` to `stop`."""
+        return RelayBlock(*(array[start:stop] for array in self))
