@@ -1,0 +1,175 @@
+"""A campaign's report: its figures from rows made by hand, drawn and told."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import faultloop
+from faultloop.cli import call
+from faultloop.study.campaign import run as running
+from faultloop.study.campaign.figures import panels, shots, times_by_position, wrong_answers
+from faultloop.study.campaign.parts import KEY
+from faultloop.study.campaign.record import fingerprint, record_of
+from faultloop.study.campaign.report import changes, report_of
+from faultloop.study.campaign.results import Results
+from faultloop.study.campaign.table import arrow, schema_of, started
+
+Tables = dict[str, Any]
+
+
+def by_hand(folder: Path, tables: Tables, name: str, delay_ms: float = 0.0) -> Path:
+    """A campaign's file whose rows are a formula: tripped after 10 ms + 20 ms times the position, and
+    wrong beyond 0.8, where RA does not trip.
+    """
+    campaign = faultloop.Campaign.from_dict(tables, path=folder / "c.toml")
+    schema = schema_of(campaign.plan, ["RA", "RB"])
+    rows = []
+    for number in range(campaign.cases):
+        values = campaign.plan.values(number)
+        row = started(schema, number, values)
+        x = values["fault.F1.at_pu"]
+        row |= {"fault_ns": 100_000_000, "verdict": "right", "RB.tripped": False, "RA.tripped": x < 0.8}
+        if x < 0.8:
+            row["RA.received_ns"] = 100_000_000 + round((10 + 20 * x + delay_ms * (x > 0.5)) * 1e6)
+        else:
+            row |= {"verdict": "wrong", "reason": "RA: trip expected for a fault inside: no trip"}
+        rows.append(row)
+    record = record_of(campaign.plan)
+    text = json.dumps(record | {"fingerprint": fingerprint(record)}).encode()
+    path = folder / name
+    pq.write_table(arrow(schema, rows).replace_schema_metadata({KEY: text}), path)
+    return path
+
+
+@pytest.fixture
+def results(folder: Path, tables: Tables) -> Results:
+    tables["vary"][0] = {"key": "fault.F1.at_pu", "range": [0.05, 0.95, 10]}
+    return Results(by_hand(folder, tables, "x.parquet"))
+
+
+def test_times_by_position(results: Results) -> None:
+    panel = times_by_position(results, "RA")
+    assert panel is not None
+    median, slowest = panel.series
+    assert np.allclose(median.x, np.arange(0.05, 0.8, 0.1))
+    assert np.allclose(median.y, 10 + 20 * median.x)
+    assert np.allclose(slowest.y, median.y)
+    assert times_by_position(results, "RB") is None
+
+
+def test_shots_are_where_the_impedance_is(results: Results) -> None:
+    """z1 = 6 + j40 ohm, 1 ohm in each phase: A-G at x z1 + 1 / (1 + k0), B-C at x z1 + (1 + 1) / 2."""
+    place = results.shot_ohm("RA")
+    assert place is not None
+    k0 = ((24 + 120j) - (6 + 40j)) / (3 * (6 + 40j))
+    x = results.numbers("fault.F1.at_pu")
+    ground = results.column("fault.F1.type") == "AG"
+    assert np.allclose(place[ground], x[ground] * (6 + 40j) + 1 / (1 + k0))
+    assert np.allclose(place[~ground], x[~ground] * (6 + 40j) + 1)
+    other = results.shot_ohm("RB")
+    assert other is not None
+    assert np.allclose(other[~ground], (1 - x[~ground]) * (6 + 40j) + 1)
+    panel = shots(results, "RA")
+    assert panel is not None
+    points = {series.name: len(series.x) for series in panel.series if series.mode == "points"}
+    assert points == {"tripped": 16, "wrong": 4}
+    assert {"PDIS1 ground", "PDIS1 phase"} <= {series.name for series in panel.series}
+
+
+def test_map_of_wrong_answers(results: Results) -> None:
+    panel = wrong_answers(results, None)
+    assert panel is not None and panel.cells is not None
+    assert panel.cells.shape == (2, 10)
+    assert np.array_equal(panel.cells, [[0.0] * 8 + [100.0] * 2] * 2)
+    assert list(panel.y_names) == ["AG", "BC"]
+
+
+def test_tables(results: Results) -> None:
+    report = report_of(results)
+    assert report.text == ["20 cases: 16 right, 4 wrong, 0 unjudged, 0 failed"]
+    times, reasons, worst = report.tables
+    assert times.rows[0][:2] == ["RA", 16]
+    assert times.rows[0][-1] == pytest.approx(10 + 20 * 0.75)
+    assert list(reasons.rows) == [["RA: trip expected for a fault inside", 4]]
+    assert [row[0] for row in worst.rows[:6]] == [16, 17, 18, 19, 14, 15]
+    assert worst.rows[0][-1] == f"faultloop campaign-case {results.path} 16"
+
+
+def test_what_changed(folder: Path, tables: Tables, results: Results) -> None:
+    new = Results(by_hand(folder, tables, "y.parquet", delay_ms=3.0))
+    report = changes(new, results)
+    assert report.text == ["6 of 20 cases changed: 0 became wrong, 0 right, 6 in time only"]
+    assert {row[0] for row in report.tables[0].rows} == {10, 11, 12, 13, 14, 15}
+    assert report.tables[0].rows[0][3] in ("21.0 > 24.0", "23.0 > 26.0", "25.0 > 28.0")
+    assert changes(results, results).text == [
+        "0 of 20 cases changed: 0 became wrong, 0 right, 0 in time only"
+    ]
+    tables["vary"][0]["range"] = [0.05, 0.9, 10]
+    with pytest.raises(faultloop.InputError, match=r"values of fault\.F1\.at_pu differ"):
+        changes(Results(by_hand(folder, tables, "z.parquet")), results)
+
+
+def test_page_picture_and_json(results: Results, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page, picture = folder / "r.html", folder / "r.png"
+    path = str(results.path)
+    assert call(["campaign-report", path, path, "--html", str(page), "--png", str(picture), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [report["name"] for report in told["reports"]] == ["campaign", "changes"]
+    assert told["written"] == [str(page), str(picture)]
+    text = page.read_text(encoding="utf-8")
+    for panel in panels(results):
+        assert panel.title in text
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=.http", text)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert call(["campaign-report", path]) == 0
+    assert "16 right, 4 wrong" in capsys.readouterr().out
+
+
+def test_names_are_no_markup(folder: Path, tables: Tables) -> None:
+    tables["campaign"]["name"] = "<script>alert(1)</script> [/bold]"
+    path = by_hand(folder, tables, "x.parquet")
+    page = folder / "r.html"
+    assert call(["campaign-report", str(path), "--html", str(page)]) == 0
+    assert "<script>alert(1)" not in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--map", "fault.F1.at_pu"], "KEY,KEY"),
+        (["--map", "fault.F1.at_pu,fault.F1.typ"], "did you mean 'fault.F1.type'"),
+        (["--html", "x.png"], ".html"),
+        (["none.parquet"], "no such file"),
+    ],
+)
+def test_wrong_arguments(
+    results: Results, folder: Path, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call(["campaign-report", str(results.path), *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and words in err
+
+
+def test_a_record_that_is_not_whole(results: Results, folder: Path) -> None:
+    """Whatever is taken out of what the file tells of itself: one line."""
+    table = pq.read_table(results.path)
+    record = json.loads(table.schema.metadata[KEY])
+    for key in ("scenario", "settings", "campaign"):
+        for change in ({}, {key: {}}, {key: 3}, {key: {"x": 1}}):
+            broken = {k: v for k, v in record.items() if k != key} | change
+            path = folder / "broken.parquet"
+            pq.write_table(table.replace_schema_metadata({KEY: json.dumps(broken).encode()}), path)
+            with pytest.raises(faultloop.InputError):
+                Results(path)
+
+
+def test_summary_counts(results: Results) -> None:
+    summary = running._summary(results.path, 0)
+    assert (summary.cases, summary.right, summary.wrong, summary.errors) == (20, 16, 4, 0)
