@@ -19,6 +19,14 @@ def command(
     workers: Annotated[
         int | None, typer.Option(metavar="N", help="Processes; one per core where not given.")
     ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a dask.distributed cluster: tcp://HOST:8786.")
+    ] = None,
+    keep: Annotated[
+        str | None,
+        typer.Option(metavar="samples,phasors,loops", help="Keep each case's waves, in F.waves/."),
+    ] = None,
+    float64: Annotated[bool, typer.Option("--float64", help="Keep them in double precision.")] = False,
     no_user_code: Annotated[
         bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
     ] = False,
@@ -33,7 +41,14 @@ def command(
     prepared = Campaign.load(campaign, user_code=not no_user_code)
     try:
         with case_bar(prepared.cases) as progress:
-            summary = prepared.run(path, workers=_cores() if workers is None else workers, progress=progress)
+            summary = prepared.run(
+                path,
+                workers=_cores() if workers is None else workers,
+                scheduler=scheduler,
+                keep=[kind.strip() for kind in keep.split(",")] if keep is not None else (),
+                float64=float64,
+                progress=progress,
+            )
     except KeyboardInterrupt:
         print(f"faultloop: stopped; the same command goes on from what is in {path}.parts", file=sys.stderr)
         return 130

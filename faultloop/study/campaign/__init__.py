@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from faultloop.config.tables import read_toml, validate
 from faultloop.errors import InputError
 from faultloop.study.campaign.plan import Case, Files, Plan
 from faultloop.study.campaign.run import Progress, Summary, run_campaign
+from faultloop.study.campaign.waves import Waves
 
 
 class Campaign:
@@ -56,20 +57,33 @@ class Campaign:
             raise InputError(f"there is no case {number}; they are 0 to {self.cases - 1}", key="case")
         return self.plan.case(number)
 
-    def run(self, out: Path | str, *, workers: int = 1, progress: Progress | None = None) -> Summary:
+    def run(
+        self,
+        out: Path | str,
+        *,
+        workers: int = 1,
+        scheduler: str | None = None,
+        keep: Sequence[str] = (),
+        float64: bool = False,
+        progress: Progress | None = None,
+    ) -> Summary:
         """Run the cases that are not there yet, to one Parquet file.
 
         Parameters
         ----------
         out : the file, whole at the end; until then finished parts lie in ``OUT.parts``.
         workers : processes; 1 runs in this one.  The rows are the same whatever their number.
+        scheduler : address of a dask.distributed cluster, which then does the work.
+        keep : of ``samples``, ``phasors``, ``loops``: each case's waves, in ``OUT`` with suffix ``.waves``.
+        float64 : keep them in double precision.
         progress : called with the number of cases done, and of all.
 
         Raises
         ------
         InputError : `out` cannot be written or is of another campaign, or a worker died.
         """
-        return run_campaign(self.plan, Path(out), workers, progress)
+        waves = Waves(self.plan, keep, float64) if keep else None
+        return run_campaign(self.plan, Path(out), workers, progress, waves, scheduler)
 
 
 __all__ = ["Campaign", "Case", "Summary"]

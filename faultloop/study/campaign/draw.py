@@ -40,14 +40,16 @@ class Sobol:
     def point(self, number: int) -> Array:
         """(places,) in (0, 1)."""
         block, row = divmod(number, SOBOL_BLOCK)
-        if self._block[0] != block:
+        held, points = self._block
+        if held != block:
             engine = qmc.Sobol(self.places, scramble=True, rng=np.random.default_rng(self.seed))
             with warnings.catch_warnings():  # of a number of points that is no power of two
                 warnings.simplefilter("ignore", UserWarning)
                 if block:  # scipy cannot go on by nothing
                     engine.fast_forward(block * SOBOL_BLOCK)
-                self._block = block, engine.random(SOBOL_BLOCK)
-        return np.clip(self._block[1][row], 2.0**-54, 1 - 2.0**-53)
+                points = engine.random(SOBOL_BLOCK)
+            self._block = block, points
+        return np.clip(points[row], 2.0**-54, 1 - 2.0**-53)
 
 
 class Draws:
@@ -80,6 +82,11 @@ class Draws:
             for vary, value in zip(self.varied, values, strict=True)
             for key in vary.all_keys
         }
+
+    def changing(self) -> list[str]:
+        """The keys that are not the same in every case."""
+        alike = [listed is not None and len(set(map(repr, listed))) == 1 for listed in self._listed]
+        return [key for vary, one in zip(self.varied, alike, strict=True) if not one for key in vary.all_keys]
 
     def ends(self, place: int) -> list[Any]:
         """What shows whether a ``[[vary]]`` is possible at all: each value, or both ends."""

@@ -22,10 +22,10 @@ KEY = b"faultloop"
 class Parts:
     """The folder ``F.parquet.parts``, held by one campaign at a time.  InputError where it is another's."""
 
-    def __init__(self, out: Path, cases: int, fingerprint: str) -> None:
+    def __init__(self, out: Path, cases: int, fingerprint: str, most: int | None = None) -> None:
         self.out, self.cases = out, cases
         self.folder = Path(f"{out}.parts")
-        self.size = min(max(cases // LEAST_PARTS, 1), MOST_IN_A_PART)
+        self.size = min(max(cases // LEAST_PARTS, 1), MOST_IN_A_PART if most is None else most)
         self.count = -(-cases // self.size)
         if out.suffix.lower() != ".parquet":
             raise InputError("must end in .parquet", file=out)
@@ -80,12 +80,12 @@ class Parts:
         return folder / f"part-{number:06d}.parquet"
 
     @classmethod
-    def write(cls, folder: Path, number: int, table: pa.Table) -> None:
+    def write(cls, folder: Path, number: int, table: pa.Table, **options: Any) -> None:
         """A part, whole or not at all."""
         path = cls.path(folder, number)
         aside = path.with_suffix(f".{os.getpid()}.tmp")
         try:
-            pq.write_table(table, aside, compression="zstd")
+            pq.write_table(table, aside, compression="zstd", **options)
             aside.replace(path)
         except OSError as error:
             aside.unlink(missing_ok=True)

@@ -18,12 +18,16 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from faultloop.errors import InputError
 from faultloop.loop.case import Cases
+from faultloop.loop.recording import MemorySink
 from faultloop.study.campaign.parts import Parts, finished
 from faultloop.study.campaign.plan import Plan
 from faultloop.study.campaign.record import fingerprint, record_of
 from faultloop.study.campaign.table import arrow, failed, row_of, schema_of
+from faultloop.study.campaign.waves import MOST_BYTES, Waves, folder_of
 
 KEPT_RELAYS = 100
 """Cases between which relays are kept, where every case has settings of its own."""
@@ -52,7 +56,14 @@ class Summary:
     new: int
 
 
-def run_campaign(plan: Plan, out: Path, workers: int = 1, progress: Progress | None = None) -> Summary:
+def run_campaign(
+    plan: Plan,
+    out: Path,
+    workers: int = 1,
+    progress: Progress | None = None,
+    waves: Waves | None = None,
+    scheduler: str | None = None,
+) -> Summary:
     """Run what is not there yet.
 
     Raises
@@ -65,9 +76,13 @@ def run_campaign(plan: Plan, out: Path, workers: int = 1, progress: Progress | N
     record = record_of(plan)
     own = fingerprint(record)
     if finished(out, own):
+        if waves is not None and not folder_of(out).is_dir():
+            raise InputError("is there, without waves; give another --out, or delete it", file=out)
         return _summary(out, 0)
     schema = schema_of(plan, [place.name for place in plan.case(0).scenario.relay])
-    with closing(Parts(out, plan.cases, own)) as parts:
+    most = None if waves is None else max(MOST_BYTES // max(waves.case_bytes, 1), 1)
+    kept = "" if waves is None else f" with {waves.kinds} {waves.dtype}"
+    with closing(Parts(out, plan.cases, own + kept, most)) as parts:
         todo = parts.missing()
         new = sum(parts.size_of(number) for number in todo)
         done = plan.cases - new
@@ -80,8 +95,15 @@ def run_campaign(plan: Plan, out: Path, workers: int = 1, progress: Progress | N
             if progress is not None:
                 progress(done, plan.cases)
 
-        job = Job(plan, schema, parts.folder, parts.size)
-        if workers == 1:
+        if waves is not None:
+            prepare_waves(out, waves.card(plan, record["versions"], out))
+        job = Job(plan, schema, parts.folder, parts.size, waves)
+        if scheduler is not None:
+            from faultloop.study.campaign.cluster import by_cluster
+
+            for number in by_cluster(job, todo, scheduler, parts):
+                one_more(parts.size_of(number))
+        elif workers == 1:
             for number in todo:
                 job.run(number, one_more)
         elif todo:
@@ -94,8 +116,8 @@ def run_campaign(plan: Plan, out: Path, workers: int = 1, progress: Progress | N
 class Job:
     """What a worker needs to make a part."""
 
-    def __init__(self, plan: Plan, schema: Any, folder: Path, size: int) -> None:
-        self.plan, self.schema, self.folder, self.size = plan, schema, folder, size
+    def __init__(self, plan: Plan, schema: Any, folder: Path, size: int, waves: Waves | None = None) -> None:
+        self.plan, self.schema, self.folder, self.size, self.waves = plan, schema, folder, size, waves
         self._own_settings = plan.varies_settings
         self._cases = Cases()
 
@@ -104,22 +126,40 @@ class Job:
 
     def run(self, number: int, each: Callable[[], None] | None = None) -> None:
         """Make a part and write it."""
+        rows, waves = self.made(number, each)
+        self.write(number, rows, waves)
+
+    def made(self, number: int, each: Callable[[], None] | None = None) -> tuple[pa.Table, pa.Table | None]:
+        """A part's rows, and their waves where these are kept."""
         begin = number * self.size
-        rows = []
+        rows, kept = [], []
         for case in range(begin, min(begin + self.size, self.plan.cases)):
-            rows.append(self._row(case))
+            memory = None if self.waves is None else MemorySink()
+            row = self._row(case, [] if memory is None else [memory])
+            rows.append(row)
+            if self.waves is not None and memory is not None:
+                kept.append(self.waves.of(memory) if row["error"] is None else None)
             if each is not None:
                 each()
-        Parts.write(self.folder, number, arrow(self.schema, rows))
+        table = arrow(self.schema, rows)
+        return table, None if self.waves is None else self.waves.table(table, kept)
 
-    def _row(self, number: int) -> dict[str, Any]:
+    def write(self, number: int, rows: pa.Table, waves: pa.Table | None) -> None:
+        """The waves first: where the rows are, the waves are."""
+        if waves is not None:
+            floats = [name for name in waves.column_names if name not in rows.column_names]
+            folder = folder_of(self.folder.with_suffix(""))
+            Parts.write(folder, number, waves, use_byte_stream_split=floats, use_dictionary=False)
+        Parts.write(self.folder, number, rows)
+
+    def _row(self, number: int, sinks: list[Any]) -> dict[str, Any]:
         if self._cases is None or (self._own_settings and number % KEPT_RELAYS == 0):
             self._cases = Cases()
         values: dict[str, Any] = {}
         try:
             values = self.plan.values(number)
             case = self.plan.made(number, values)
-            outcome = self._cases.prepare(case.scenario, case.settings).run()
+            outcome = self._cases.prepare(case.scenario, case.settings).run(sinks)
             return row_of(self.plan, self.schema, case, outcome)
         except InputError as error:
             return failed(self.schema, number, values, str(error))
@@ -176,6 +216,16 @@ def _by_processes(job: Job, todo: list[int], workers: int, parts: Parts) -> Iter
         raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+def prepare_waves(out: Path, card: str) -> None:
+    """Their folder, and the data card beside it (a folder of Parquet files holds nothing else)."""
+    folder = folder_of(out)
+    try:
+        folder.mkdir(exist_ok=True)
+        folder.with_suffix(".waves.md").write_text(card, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
 
 
 def _summary(out: Path, new: int) -> Summary:

@@ -1,0 +1,150 @@
+"""``--keep samples,phasors,loops``: each case's waves beside its row, as a labelled data set.
+
+``F.waves/part-NNNNNN.parquet`` has the columns of F.parquet and, of each relay, ``RA.samples`` (n x 6),
+``RA.phasors`` (n x 14), ``RA.loops`` (n x 12), flattened row by row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from faultloop.config.campaign import CampaignTables
+from faultloop.errors import InputError, nearest
+from faultloop.io.messages import values
+from faultloop.loop.recording import MemorySink
+from faultloop.loop.simulation import SECOND_NS
+from faultloop.study.campaign.plan import Case, Plan
+
+WIDTHS = {"samples": 6, "phasors": 14, "loops": 12}
+MOST_BYTES = 64 * 2**20
+"""Of the waves of one part, about."""
+
+
+class Waves:
+    """What is kept of each case.
+
+    Parameters
+    ----------
+    kinds : of ``samples``, ``phasors``, ``loops``.
+    float64 : eight bytes a number in place of four.
+    """
+
+    def __init__(self, plan: Plan, kinds: Sequence[str], float64: bool = False) -> None:
+        for kind in kinds:
+            if kind not in WIDTHS:
+                raise InputError(f"'{kind}' cannot be kept; {nearest(kind, WIDTHS)}", key="--keep")
+        first = plan.case(0)
+        self.kinds = tuple(kind for kind in WIDTHS if kind in kinds)
+        self.dtype = np.dtype(np.float64 if float64 else np.float32)
+        self.relays = tuple(place.name for place in first.scenario.relay)
+        self.rows = _rows(first)
+        self.alike = not any(
+            key in ("scenario.duration_s", "system.sampling_hz") for key in plan.draws.changing()
+        )
+
+    @property
+    def case_bytes(self) -> int:
+        """Of one case, about."""
+        numbers = self.rows * sum(WIDTHS[kind] for kind in self.kinds) * len(self.relays)
+        return numbers * self.dtype.itemsize
+
+    def schema(self, rows: pa.Schema) -> pa.Schema:
+        """Of a part: the rows' columns, then the waves."""
+        number = pa.from_numpy_dtype(self.dtype)
+        for relay in self.relays:
+            for kind in self.kinds:
+                width = self.rows * WIDTHS[kind] if self.alike else -1
+                rows = rows.append(pa.field(f"{relay}.{kind}", pa.list_(number, width)))
+        return rows
+
+    def of(self, memory: MemorySink) -> dict[str, np.ndarray]:
+        """A case's, by column, flattened."""
+        return {
+            f"{relay}.{kind}": values(memory.array(relay, kind)).astype(self.dtype).ravel()
+            for relay in self.relays
+            for kind in self.kinds
+        }
+
+    def table(self, rows: pa.Table, kept: Sequence[Mapping[str, np.ndarray] | None]) -> pa.Table:
+        """A part's; a failed case has none."""
+        schema = self.schema(rows.schema)
+        columns = [*rows.columns]
+        for field in list(schema)[len(columns) :]:
+            columns.append(_column(field.type, [None if case is None else case[field.name] for case in kept]))
+        return pa.table(columns, schema=schema)
+
+    def card(self, plan: Plan, versions: Mapping[str, str], out: Path) -> str:
+        """What a data set's user asks first."""
+        head = plan.tables.campaign
+        rows = self.rows if self.alike else "n"
+        names = [(f"{relay}.{kind}", WIDTHS[kind]) for relay in self.relays for kind in self.kinds]
+        return CARD.format(
+            name=head.name,
+            cases=plan.cases,
+            sampling=head.sampling,
+            seed=head.seed,
+            varied="\n".join(f"- {_told(plan.tables, number)}" for number in range(len(plan.tables.vary))),
+            columns="\n".join(f"- `{name}`: {rows} x {width} {self.dtype}" for name, width in names),
+            out=out.name,
+            waves=folder_of(out).name,
+            first=names[0][0],
+            width=names[0][1],
+            versions=", ".join(f"{name} {version}" for name, version in versions.items()),
+        )
+
+
+CARD = """# {name}
+
+{cases} simulated cases, {sampling} sampling, seed {seed}. Made with {versions}.
+
+Varied:
+
+{varied}
+
+Each row of `{waves}/part-*.parquet` has the columns of `{out}` (what was varied, what each relay did, the
+verdict) and, row by row:
+
+{columns}
+
+Samples are va vb vc ia ib ic (V and A, primary, instantaneous), phasors va_re va_im .. ic_re ic_im
+frequency_hz rocof_hz_per_s (RMS), loops ag_r ag_x .. ca_r ca_x (ohm, primary; NaN where not defined).
+
+    table = pyarrow.parquet.read_table("{waves}", columns=["{first}"])
+    waves = table["{first}"].combine_chunks().flatten().to_numpy().reshape(len(table), -1, {width})
+
+Simulated by faultloop, not measured. The simulator's licence (Apache-2.0) says nothing of what it makes.
+"""
+
+
+def folder_of(out: Path) -> Path:
+    """Where the waves of a campaign's file are."""
+    return out.with_suffix(".waves")
+
+
+def _rows(case: Case) -> int:
+    head = case.scenario
+    return -(-round(head.scenario.duration_s * 1e9) * head.system.sampling_hz // SECOND_NS)
+
+
+def _column(type_: pa.DataType, kept: Sequence[np.ndarray | None]) -> pa.Array:
+    fixed = pa.types.is_fixed_size_list(type_)
+    size = type_.list_size if fixed else 0
+    missing = np.array([case is None for case in kept])
+    if fixed:
+        empty = np.zeros(size, type_.value_type.to_pandas_dtype())
+        flat = np.concatenate([empty if case is None else case for case in kept])
+        return pa.FixedSizeListArray.from_arrays(
+            pa.array(flat), type=type_, mask=pa.array(missing) if missing.any() else None
+        )
+    return pa.array(kept, type_)
+
+
+def _told(tables: CampaignTables, number: int) -> str:
+    vary = tables.vary[number]
+    said = vary.model_dump(exclude_none=True, exclude={"key", "keys", "factor"}, exclude_defaults=True)
+    what = ", ".join(f"{kind} {list(value)}" for kind, value in said.items())
+    return f"`{'`, `'.join(vary.all_keys)}`: {what}"
