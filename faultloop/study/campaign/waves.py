@@ -16,7 +16,7 @@ from faultloop.config.campaign import CampaignTables
 from faultloop.errors import InputError, nearest
 from faultloop.io.messages import values
 from faultloop.loop.recording import MemorySink
-from faultloop.loop.simulation import SECOND_NS
+from faultloop.nodes.clock import SampleClock
 from faultloop.study.campaign.plan import Case, Plan
 
 WIDTHS = {"samples": 6, "phasors": 14, "loops": 12}
@@ -126,8 +126,8 @@ def folder_of(out: Path) -> Path:
 
 
 def _rows(case: Case) -> int:
-    head = case.scenario
-    return -(-round(head.scenario.duration_s * 1e9) * head.system.sampling_hz // SECOND_NS)
+    system = case.scenario.system
+    return SampleClock(system.sampling_hz).first_from(round(case.scenario.scenario.duration_s * 1e9))
 
 
 def _column(type_: pa.DataType, kept: Sequence[np.ndarray | None]) -> pa.Array:
