@@ -145,10 +145,11 @@ def snapshot(c, m, x, frequency):
 
 
 @njit
-def establish(c, m, x, frequency):
-    """Before the memory is ready: wait for a voltage of known frequency that is still for half a cycle."""
+def establish(c, m, x, frequency, sound):
+    """Before the memory is ready: wait for a voltage of known frequency that is still for half a cycle, in a
+    system that is ``sound``: a fault must not be learned as what is normal."""
     v1 = positive_sequence(x)
-    alive = is_frequency(c, frequency) and size2(v1) > c.minimum_voltage**2
+    alive = sound and is_frequency(c, frequency) and size2(v1) > c.minimum_voltage**2
     if alive:
         turn_with(c, m, frequency)
     if alive and size2(v1 - positive_sequence(m.reference)) < 0.05**2 * size2(v1):
@@ -160,7 +161,7 @@ def establish(c, m, x, frequency):
 
 
 @njit
-def remember(c, m, x, frequency):
+def remember(c, m, x, frequency, sound):
     """One sample of the memory.  Returns True while it can be relied on."""
     m.seen += 1
     if m.seen <= c.settling:
@@ -175,7 +176,7 @@ def remember(c, m, x, frequency):
     if m.tick == c.snapshot:
         snapshot(c, m, x, frequency)
         if not m.ready:
-            establish(c, m, x, frequency)
+            establish(c, m, x, frequency, sound)
         elif not m.frozen and size2(positive_sequence(m.reference)) < c.minimum_voltage**2:
             m.ready = 0
             m.steady = 0

@@ -13,6 +13,7 @@ under njit bake these numbers in.)
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay import memory
-from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A
+from faultloop.relay import energy, memory, recent
+from faultloop.relay.energy import ENERGY
+from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2
+from faultloop.relay.recent import RECENT, SQRT2
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -35,6 +38,10 @@ THREE_PHASE = 7
 REFERENCE_CYCLES = 1.25  # longer than the slowest estimator takes to show a disturbance
 FADE_MS = 100.0
 DEFAULT_CURRENT_A = 20.0
+LIKE_A_FAULT = 1.5
+AT_ITS_ANGLE = 0.8
+GONE = 0.05
+"""A current is gone whose samples are below this part of its phasor."""
 
 CONSTANTS = np.dtype(
     [
@@ -46,6 +53,9 @@ CONSTANTS = np.dtype(
         ("lag", "i8"),  # how many snapshots ago the reference was taken
         ("settling", "i8"),  # samples until the memory may begin
         ("settled", "i8"),  # samples until the estimator has settled
+        ("stride", "i8"),  # samples in a value of the recent ones
+        ("values", "i8"),  # recent values in a cycle
+        ("turn_per_value", "f8"),  # [rad]
         ("z1", "c16"),  # of the line [ohm]
         ("z0", "c16"),
         ("minimum_voltage", "f8"),  # phase to ground; below it a line is dead [V]
@@ -79,16 +89,20 @@ QUANTITIES = np.dtype(
         ("rocof", "f8"),  # [Hz/s]
         ("loops", "f8", (12,)),  # r and x of AG BG CG AB BC CA [ohm]; NaN where not defined
         ("sample", "f8", (6,)),  # va vb vc ia ib ic, instantaneous
+        ("recent", RECENT),  # the samples of the last cycle and a half
         ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
         ("closed", "i8"),  # mask of closed poles, as reported
         ("received", "i8"),  # pilot bits from the far end
         ("was_closed", "i8"),
+        ("dead", "i8"),  # mask of poles without current, by the samples and by the breaker
         # the memory, and what is new against it
         ("memory", MEMORY),
+        ("sound", "i8"),  # nothing looks like a fault; judged only while the memory is not ready
         ("ready", "i8"),  # the memory can be relied on
         ("disturbed", "i8"),  # there is a change against it, since memory.age samples
         ("fed", "i8"),  # a current has changed too, and not only a voltage
+        ("energy", ENERGY),  # what the change has brought, and its direction
         ("d", "c16", (6,)),  # the change of the phasors, while disturbed
         ("change", "c16", (6,)),  # its sequence components
         # published by functions; cleared before each sample where marked *
@@ -126,6 +140,7 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
     """The shared constants by name, in primary values and samples."""
     relay, rdir, phs = settings.relay, settings.rdir, settings.phs
     cycle = relay.sampling_hz / relay.frequency_hz
+    stride = recent.stride(relay.sampling_hz, relay.frequency_hz)
     snapshot = math.ceil(MEMORY_CYCLES * cycle / SNAPSHOTS)
     return {
         "frequency": relay.frequency_hz,
@@ -137,6 +152,9 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         # A recursive estimator forgets its start slowly; the memory waits for a steady voltage anyway.
         "settling": max(min(settling_samples, math.ceil(1.25 * cycle)), 1),
         "settled": settling_samples,
+        "stride": stride,
+        "values": round(cycle / stride),
+        "turn_per_value": 2 * math.pi * stride / cycle,
         "z1": settings.z1_ohm,
         "z0": settings.z0_ohm,
         "minimum_voltage": _minimum_voltage(settings),
@@ -181,6 +199,42 @@ def sequences(x: NDArray[np.complex128], out: NDArray[np.complex128]) -> None:
 
 
 @njit
+def nominal_turn(g: Record, number: int) -> complex:
+    """e^(j w0 t) of a sample; whole seconds are left out, so that it stays exact."""
+    return cmath.rect(1.0, 2 * math.pi * g.frequency * ((number % g.sampling) / g.sampling))
+
+
+@njit
+def dead_poles(g: Record, q: Record) -> int:
+    """Mask of poles whose current is gone, by its largest sample in a sixth of a cycle.
+
+    The phasor decays for a filter's length after the current has ended, while the voltage of a line that is
+    cut off falls, and the impedance runs through the zones.
+    """
+    mask = 0
+    for phase in range(3):
+        size = math.sqrt(size2(q.x[3 + phase]))
+        limit = SQRT2 * max(g.open_current, GONE * size)
+        if recent.largest_current(q.recent, phase, max(g.values // 6, 1)) < limit:
+            mask |= 1 << phase
+    return mask
+
+
+@njit
+def is_sound(g: Record, q: Record) -> bool:
+    """Whether no loop looks like a fault: shorter than LIKE_A_FAULT of the line, ahead or behind, at its
+    angle and
+    not at a load's."""
+    for loop in range(6):
+        r, x = q.loops[2 * loop], q.loops[2 * loop + 1]
+        size = math.sqrt(r * r + x * x)
+        along = abs(r * g.z1.real + x * g.z1.imag)
+        if size * size < LIKE_A_FAULT**2 * size2(g.z1) and along >= AT_ITS_ANGLE * size * abs(g.z1):
+            return False
+    return True
+
+
+@njit
 def watch_breaker(g: Record, q: Record) -> bool:
     """A pole that opens makes a new normal: the memory starts again a cycle later, blind until then."""
     opened = q.was_closed & ~q.closed
@@ -199,25 +253,34 @@ def watch_breaker(g: Record, q: Record) -> bool:
 def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -> None:
     """Before the functions: what was measured, the memory, the change against it; publications cleared."""
     for k in range(6):
-        q.sample[k] = sample[k]
         q.x[k] = complex(row[2 * k], row[2 * k + 1])
+    turn = nominal_turn(g, q.memory.seen)
+    recent.instantaneous(sample, q.x, turn, q.sample)
+    recent.keep(g, q.recent, q.sample)
     for k in range(12):
         q.loops[k] = loops[k]
     q.frequency = row[12]
     q.rocof = row[13]
     sequences(q.x, q.sequence)
-    ready = memory.remember(g, q.memory, q.x, q.frequency)
+    q.sound = q.memory.ready or is_sound(g, q)
+    ready = memory.remember(g, q.memory, q.x, q.frequency, q.sound)
     q.settled = q.memory.seen > g.settled
     ready &= watch_breaker(g, q)
+    energy.accumulate(q.energy, q.sample, q.memory.reference, turn)
     if ready and not q.memory.frozen and memory.differs(g, q.x, q.memory.reference):
         memory.freeze(q.memory)
     q.ready = ready
     q.disturbed = 1 if ready and q.memory.frozen else 0
+    q.dead = 7 & ~q.closed
     if q.disturbed:
+        q.dead |= dead_poles(g, q)
+        energy.follow(q.energy)
         for k in range(6):
             q.d[k] = q.x[k] - q.memory.reference[k]
         sequences(q.d, q.change)
         q.memory.fed |= memory.current_differs(g, q.x, q.memory.reference)
+    else:
+        energy.rest(g, q.energy, ready)
     q.fed = q.memory.fed if q.disturbed else 0
     forget(q)
 

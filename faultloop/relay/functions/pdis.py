@@ -30,6 +30,7 @@ from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
 from faultloop.errors import nearest
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function, Polygon
+from faultloop.relay.loop_fit import FIRST, SECOND, fit, gather
 from faultloop.relay.memory import A2, A, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
 
@@ -42,8 +43,6 @@ _POLARIZATION = {"self": SELF, "cross": CROSS, "memory": MEMORY_POLARIZED}
 _DIRECTION = {"forward": 1, "reverse": -1, "none": 0}
 _LOOPS = {"all": 0b111111, "ground": 0b000111, "phase": 0b111000}
 
-FIRST = (0, 1, 2, 0, 1, 2)
-SECOND = (1, 2, 0, 1, 2, 0)
 # Positive- and negative-sequence part of a loop quantity, as a factor on that of phase A.
 POSITIVE = (complex(1), A2, A, 1 - A2, A2 - A, A - 1)
 NEGATIVE = (complex(1), A, A2, 1 - A, A - A2, A2 - 1)
@@ -52,7 +51,10 @@ CROSS_PHASE = complex(0, -(3**0.5))
 SELF_OFFSET = 0.05
 HYSTERESIS = 1.05
 OUTSIDE = np.inf
+LEFT_FACTOR = 2.0
+"""How much what the fit leaves counts against the depth."""
 POINTS = 73
+BY_PHASORS, IN_TIME = range(2)
 
 
 def _polar(value: Any) -> Any:
@@ -263,8 +265,23 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
 
 
 @njit
-def zone_depth(g: Record, q: Record, c: Record, mask: int) -> float:
-    """m of the released loops; of three, the middle one (two of three must be inside)."""
+def depth_in_time(g: Record, q: Record, c: Record, loop: int) -> float:
+    """m by the samples of the loop, with what the fit leaves added to it.
+
+    The window is half a cycle, and grows with the disturbance to one and a half: what still resonates then is
+    the slower the longer it has lasted, and wants a longer mean.
+    """
+    length = min(max(2 * q.memory.age, g.cycle), 3 * g.cycle) * g.values // (2 * g.cycle)
+    mean = max(length // 3, 1)
+    sums = gather(g, q.recent, (c.reach, c.k0 * c.reach), loop, mean, length - mean)
+    m, left = fit(sums, -1 if c.direction < 0 else 1)
+    return (abs(m) if c.direction == 0 else m) + LEFT_FACTOR * left
+
+
+@njit
+def zone_depth(g: Record, q: Record, c: Record, mask: int, measure: int) -> float:
+    """m of the released loops, by `depth` or by `depth_in_time`; of three, the middle one (two of three
+    must be inside)."""
     if c.direction != 0 and q.direction != c.direction:
         return OUTSIDE
     low, middle, high, count = OUTSIDE, OUTSIDE, OUTSIDE, 0
@@ -272,7 +289,7 @@ def zone_depth(g: Record, q: Record, c: Record, mask: int) -> float:
         if not (mask >> loop) & 1:
             continue
         count += 1
-        m = depth(g, q, c, loop)
+        m = depth(g, q, c, loop) if measure == BY_PHASORS else depth_in_time(g, q, c, loop)
         if m < low:
             low, middle, high = m, low, middle
         elif m < middle:
@@ -309,9 +326,15 @@ def reset_zone(w: Record) -> None:
 
 
 @njit
+def delay(c: Record, fault: int) -> int:
+    """Of the zone for a type of fault [samples]."""
+    return c.delay_ground if fault <= 3 else c.delay_phase
+
+
+@njit
 def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
     """One sample of a zone in a disturbance: start, timer, operate."""
-    m = zone_depth(g, q, c, mask)
+    m = zone_depth(g, q, c, mask, BY_PHASORS)
     if w.pickup:
         w.outside = w.outside + 1 if m > HYSTERESIS else 0
         if w.outside * 8 >= g.cycle:
@@ -328,10 +351,12 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
             w.counter += security_step(m)
         if m >= 1 or w.counter < c.security:
             return
+        if delay(c, q.fault) < g.cycle and zone_depth(g, q, c, mask, IN_TIME) >= 1:
+            return
         w.pickup = 1
         w.outside = 0
         w.timer = 0
-    w.operate = w.timer >= (c.delay_ground if w.fault <= 3 else c.delay_phase)
+    w.operate = w.timer >= delay(c, w.fault)
 
 
 @njit

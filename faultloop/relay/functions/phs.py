@@ -119,17 +119,16 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
 
 
 @njit
-def released(g: Record, q: Record, fault: int) -> int:
+def released(q: Record, fault: int) -> int:
     """Mask of the loops that may start: those of the fault type, without dead poles.
 
-    A pole is dead where the breaker says so or it carries no current: in the dead time of a single-pole trip
-    its loops see what the other phases induce.
+    In the dead time of a single-pole trip a dead pole's loops see what the other phases induce.
     """
     mask = LOOP_MASK[fault]
     if mask == 0:
         return mask
     for phase in range(3):
-        if not (q.closed >> phase) & 1 or size2(q.x[3 + phase]) < g.open_current**2:
+        if (q.dead >> phase) & 1:
             mask &= ~((1 << phase) | (8 << phase) | (8 << ((phase + 2) % 3)))
     return mask
 
@@ -144,7 +143,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         w.candidate = 0
         w.count = 0
     q.fault = w.fault
-    q.released = released(g, q, w.fault)
+    q.released = released(q, w.fault)
     indicate(q, c.bit, q.released)
 
 

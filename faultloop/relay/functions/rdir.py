@@ -1,5 +1,10 @@
 """RDIR: the direction of a fault, for every type and position, with the voltage gone too.
 
+First comes the energy of the change (`faultloop.relay.energy`): its sign is right at every moment, while
+phasors still ring.  It stands until something else is seen for a cycle, with phasors that stand still,
+and not in the first two cycles: then the fault has changed sides, or what was switched is no single
+fault.  That, and where the energy has no sign, is judged by impedance.
+
 What a fault adds to a sequence network has V / I = -Zs of the source behind for a forward fault, and
 plus the impedance of the line and the source ahead for a reverse one; half the line's impedance lies between
 the two however strong the sources are (Roberts and Guzman 1993, for the negative sequence).  Load does not
@@ -31,7 +36,7 @@ from pydantic import Field, model_validator
 from faultloop.config.tables import Milliseconds, Table
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function
-from faultloop.relay.memory import positive_sequence, size2
+from faultloop.relay.memory import positive_sequence, size2, weight
 from faultloop.relay.quantities import Record, indicate
 
 if TYPE_CHECKING:
@@ -39,6 +44,10 @@ if TYPE_CHECKING:
 
 MEMORY_SHARE = 0.2
 AS_BEFORE = 2
+ALL_POLES = 7
+YOUNG_CYCLES = 2
+STILL = 0.05
+"""Of the whole change, within a sixteenth of a cycle."""
 
 
 class Rdir(Table):
@@ -141,28 +150,38 @@ def indication(g: Record, q: Record, c: Record) -> int:
 
 
 @njit
-def dead(g: Record, q: Record) -> bool:
-    """Whether no phase carries current: an open line has no direction."""
-    least = g.open_current**2
-    return size2(q.x[3]) < least and size2(q.x[4]) < least and size2(q.x[5]) < least
+def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
+    """Whether another direction than the energy's has stood for a cycle, with phasors that stand still."""
+    still = q.memory.drift < STILL**2 * weight(g, q.d)
+    other = candidate != 0 and candidate != q.energy.direction
+    w.contrary = w.contrary + 1 if other and still else 0
+    return w.contrary >= g.cycle
 
 
 @njit
 def decide(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the directional element, during a disturbance; with ``q.polarizing``.
 
-    A direction must stand for a sixteenth of a cycle, and is given once the fault's type is known.
+    Given once the fault's type is known; one by impedance must stand for a sixteenth of a cycle.
     """
     q.polarizing = polarizing_voltage(g, q)
-    if dead(g, q):
-        w.direction = w.candidate = w.count = 0
+    if q.dead == ALL_POLES:  # an open line has no direction
+        w.direction = w.candidate = w.count = w.contrary = w.changed = 0
         return
     candidate = indication(g, q, c)
     if candidate == AS_BEFORE:
         return
     w.count = w.count + 1 if candidate == w.candidate else 1
     w.candidate = candidate
-    if q.fault != 0 and w.count * 16 >= g.cycle:
+    if q.memory.age <= YOUNG_CYCLES * g.cycle:
+        w.changed = w.contrary = 0
+    elif contradicts(g, q, w, candidate):
+        w.changed = 1
+    if q.fault == 0:
+        return
+    if q.energy.direction != 0 and not w.changed:
+        w.direction = q.energy.direction
+    elif q.memory.age > g.cycle and w.count * 16 >= g.cycle:
         w.direction = candidate
 
 
@@ -172,7 +191,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if q.disturbed:
         decide(g, q, c, w)
     else:
-        w.direction = w.candidate = w.count = 0
+        w.direction = w.candidate = w.count = w.contrary = w.changed = 0
     q.direction = w.direction
     indicate(q, c.bit, w.direction > 0)
     indicate(q, c.bit + 1, w.direction < 0)
@@ -189,7 +208,7 @@ RDIR = Function(
         ("z2_reverse", "f8"),
     ),
     values=values,
-    state=(("direction", "i8"), ("candidate", "i8"), ("count", "i8")),
+    state=(("direction", "i8"), ("candidate", "i8"), ("count", "i8"), ("contrary", "i8"), ("changed", "i8")),
     always=True,
     bits=("DirFwd", "DirRev"),
     told=False,

@@ -6,7 +6,9 @@ change of the current, in the modified form of Schweitzer (1990) for ground loop
     m = Im(V If*) / Im(Z1 I If*)      If = 3 I0 (ground loops), the change of the loop current (phase loops)
 
 The answer is the mean over about half a cycle where it stood stillest, the later of two that are equally
-still: the window before the estimator has settled and the one in which the breaker opens both move.
+still: the window before the estimator has settled and the one in which the breaker opens both move.  It
+is frozen when a faulted pole's current is gone, and told when no zone is started any more, even while
+another pole still carries current.
 """
 
 from __future__ import annotations
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
 PHASE_LOOP_OF_ABC = 4  # B-C
+POLES = (0, 1, 2, 4, 3, 6, 5, 7)
+"""Mask of the faulted poles, by fault type."""
 
 
 class Rflo(Table):
@@ -68,7 +72,7 @@ def start(w: Record, fault: int) -> None:
 
 @njit
 def finish(q: Record, w: Record) -> None:
-    """All zones and the trip have reset: the answer stands until the next fault."""
+    """All zones have reset: the answer stands until the next fault."""
     if w.fault != 0:
         w.fault = 0
         if w.value == w.value:
@@ -80,7 +84,7 @@ def finish(q: Record, w: Record) -> None:
 def locate(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the fault locator, while a zone has started."""
     fault = q.fault
-    if fault == 0 or q.direction < 0:
+    if fault == 0 or q.direction < 0 or q.dead & POLES[fault]:
         return
     if fault != w.fault:
         start(w, fault)
@@ -106,7 +110,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the fault locator."""
     if q.zone_started:
         locate(g, q, c, w)
-    elif q.poles == 0:
+    else:
         finish(q, w)
 
 

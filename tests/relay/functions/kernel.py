@@ -8,6 +8,7 @@ import numpy as np
 
 from faultloop.relay import quantities
 from faultloop.relay.functions.function import Function
+from faultloop.relay.recent import LENGTH
 from faultloop.relay.settings import RelaySettings
 
 GIVEN = {"relay": {"frequency_hz": 50}, "line": {"z1_ohm": [3.0, 30.0], "z0_ohm": [12.0, 90.0]}}
@@ -46,12 +47,15 @@ class Kernel:
             self.function.step(self.g, self.q, self.c, self.w)
 
     def disturb(self, before: Any, now: Any, age: int = 1) -> None:
-        """A disturbance ``age`` samples old, with these phasors (6,) before it and now."""
+        """A disturbance ``age`` samples old, with these phasors (6,) before it and now, and such samples."""
         self.q["disturbed"] = self.q["fed"] = 1
         self.q["x"], self.q["d"] = now, np.subtract(now, before)
         self.q["memory"]["reference"], self.q["memory"]["age"] = before, age
         quantities.sequences(self.q["x"], self.q["sequence"])
         quantities.sequences(self.q["d"], self.q["change"])
+        turn = np.exp(2j * np.pi * np.arange(1 - LENGTH, 1) / 96)
+        self.q["recent"]["value"] = np.sqrt(2) * np.real(turn[:, None] * np.asarray(now))
+        self.q["recent"]["head"] = LENGTH - 1
 
 
 def _zeros(dtype: np.dtype) -> Any:

@@ -52,11 +52,10 @@ def test_a_type_must_stand_for_a_sixteenth_of_a_cycle_or_a_cycle_while_it_moves(
 
 def test_a_pole_that_is_open_or_carries_nothing_has_no_loops() -> None:
     k = disturbed(NETWORKS["strong"], "ABC")
-    k.q["closed"] = 0b110
+    k.q["dead"] = 0b001
     k.step(count=SIXTEENTH)
     assert int(k.q["released"]) == 1 << LOOPS.index("BC")
-    k.q["closed"] = 7
-    k.q["x"][5] = 0.0
+    k.q["dead"] = 0b100
     k.step()
     assert int(k.q["released"]) == 1 << LOOPS.index("AB")
 

@@ -36,14 +36,19 @@ def test_takagi_stands_a_resistance_that_the_reactance_method_does_not() -> None
     assert errors[0] < 0.03 < errors[1]
 
 
-def test_it_is_told_once_when_zones_and_trip_have_reset() -> None:
+def test_it_is_told_once_when_the_zones_have_reset_even_if_a_pole_stays_closed() -> None:
     k = located("AG", 0.5)
     k.step(poles=7)
-    assert k.q["notices"] == 0
-    k.step(poles=0)
     assert (k.q["notices"], k.w["told"]) == (1, 1)
     k.step(count=10, poles=0)
     assert k.q["notices"] == 1
+
+
+def test_it_is_frozen_when_the_current_of_a_faulted_pole_is_gone() -> None:
+    k = located("BC", 0.5)
+    k.disturb(NETWORKS["strong"].solve(), NETWORKS["strong"].solve("BC", 0.9))
+    k.step(count=200, zone_started=1, fault=FAULTS.index("BC"), direction=1, dead=0b010)
+    assert float(k.w["value"]) == pytest.approx(0.5, abs=2e-3)
 
 
 def test_behind_nothing_is_located() -> None:

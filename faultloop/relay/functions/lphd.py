@@ -1,0 +1,100 @@
+"""LPHD: whether the relay is ready, and why not.
+
+Zones, direction and phase selection need the memory of a healthy system.  Until there is one, and while there
+is none any more, they are blocked, ``LPHD1.PhyHealth`` is on, and an event says the cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from faultloop.config.tables import Milliseconds, Table
+from faultloop.jit import njit
+from faultloop.relay.events import Event, Names
+from faultloop.relay.functions.function import Function
+from faultloop.relay.memory import is_frequency, positive_sequence, size2
+from faultloop.relay.quantities import Record, indicate
+
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
+
+READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING = range(7)
+CAUSES = (
+    "",
+    "the estimator settles",
+    "a pole has opened; what is normal now is learned",
+    "no voltage",
+    "no voltage of known frequency",
+    "the line carries what looks like a fault, and there is nothing from before it",
+    "the voltage does not stand still",
+)
+
+
+class Lphd(Table):
+    """``[lphd]``: whether the relay is ready."""
+
+    start_ms: Milliseconds = 100.0
+    """At the start not being ready is told after this time: longer than it takes with a healthy line."""
+
+
+def values(settings: RelaySettings, table: Lphd) -> dict[str, Any]:
+    """In samples."""
+    return {"start": settings.samples(table.start_ms)}
+
+
+@njit
+def cause(g: Record, q: Record) -> int:
+    """Why the zones cannot work at this sample."""
+    if q.ready:
+        return READY
+    if q.memory.seen <= g.settling:
+        return SETTLING
+    if q.memory.blind > 0:
+        return OPENED
+    if size2(positive_sequence(q.x)) <= g.minimum_voltage**2:
+        return VOLTAGE
+    if not is_frequency(g, q.frequency):
+        return FREQUENCY
+    return MOVING if q.sound else UNSOUND
+
+
+@njit
+def step(g: Record, q: Record, c: Record, w: Record) -> None:
+    """One sample; a cause is told once the relay has not been ready for a quarter of a cycle, at the start
+    for ``start_ms``; readiness at once."""
+    now = cause(g, q)
+    w.was_ready |= now == READY
+    w.count = 0 if now == READY else w.count + 1
+    late = 4 * w.count >= g.cycle if w.was_ready else w.count >= c.start
+    told = now == SETTLING or (w.cause != READY and now != UNSOUND)  # one cause is enough, but for this one
+    if now != w.cause and (now == READY or (late and not told)):
+        w.cause = now
+        q.notices += 1
+    indicate(q, c.bit, now != READY)
+
+
+def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
+    """Ready, or not and why."""
+    if now["cause"] == was["cause"]:
+        return
+    if now["cause"] == READY:
+        yield Event(names.sample, "info", "LPHD1 ready")
+    else:
+        yield Event(names.sample, "warning", f"LPHD1 not ready, zones blocked: {CAUSES[int(now['cause'])]}")
+
+
+LPHD = Function(
+    name="LPHD",
+    settings=Lphd,
+    step=step,
+    constants=(("start", "i8"),),
+    values=values,
+    state=(("cause", "i8"), ("count", "i8"), ("was_ready", "i8")),
+    always=True,
+    bits=("PhyHealth",),
+    told=False,
+    tell=tell,
+)

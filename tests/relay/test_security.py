@@ -1,0 +1,204 @@
+"""Zone 1 for what is not on the line, while everything rings; and the two measures that it rests upon."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from faultloop.loop.scenario import Scenario
+from faultloop.plant import Plant
+from faultloop.relay import Relay, RelaySettings
+from faultloop.relay.loop_fit import fit, gather
+from faultloop.relay.recent import LENGTH, RECENT
+
+SAMPLING_HZ = 4800
+WARM = 1920
+TYPES = ("AG", "BC", "CAG", "ABC", "CA")
+LINE = {"model": "bergeron", "r1_ohm_per_km": 0.06, "x1_ohm_per_km": 0.4, "b1_us_per_km": 4.4,
+        "r0_ohm_per_km": 0.24, "x0_ohm_per_km": 1.2, "b0_us_per_km": 2.6}  # fmt: skip
+
+
+def network(length: float, fault: dict[str, object]) -> tuple[np.ndarray, int]:
+    """Samples (n, 6) at A of X - A - B - C, the line of interest A - B, weak sources at both ends; the number
+    of the first one of the fault."""
+    plant = Plant(
+        Scenario.from_dict(
+            {
+                "scenario": {"name": "security", "duration_s": 0.25},
+                "system": {"frequency_hz": 50, "base_kv": 220},
+                "source": [
+                    {"name": "SX", "bus": "X", "z1_ohm": [16.5, 188.5], "z0_ohm": [16.5, 188.5]},
+                    {"name": "SC", "bus": "C", "z1_ohm": [11.5, 131.0], "z0_ohm": [11.5, 131.0]},
+                ],
+                "line": [
+                    {"name": "XA", "from": "X", "to": "A", "length_km": 30, **LINE},
+                    {"name": "AB", "from": "A", "to": "B", "length_km": length, **LINE},
+                    {"name": "BC", "from": "B", "to": "C", "length_km": 100, **LINE},
+                ],
+                "fault": [{"after_s": 0.05, **fault}],
+                "relay": [{"name": "R", "line": "AB", "end": "from", "settings": "none"}],
+            }
+        )
+    )
+    blocks, begin = [plant.history(WARM)[:, 0]], 0
+    while plant.sample_count < 1200:
+        done = plant.advance(1200 - plant.sample_count)
+        blocks.append(plant.samples[:done, 0].copy())
+        for change in plant.changes:
+            begin = begin or WARM - (-change.t_ns * SAMPLING_HZ // 10**9)
+    return np.concatenate(blocks), begin
+
+
+def relay_of(length: float) -> Relay:
+    return Relay(
+        RelaySettings.from_dict(
+            {
+                "relay": {"frequency_hz": 50, "nominal_kv": 220},
+                "line": {"z1_ohm": [0.06 * length, 0.4 * length], "z0_ohm": [0.24 * length, 1.2 * length]},
+                "pdis": [
+                    {"zone": 1, "reach_pu": 0.85},
+                    {"zone": 2, "reach_pu": 0.85, "characteristic": "quad", "resistive_reach_ohm": 20.0},
+                    {"zone": 3, "reach_pu": 0.5, "direction": "reverse", "delay_ms": 1000.0},
+                    {"zone": 4, "reach_pu": 1.5, "delay_ms": 1000.0},
+                ],
+                "ptrc": {"zones": [4]},
+            }
+        )
+    )
+
+
+def starts(relay: Relay, samples: np.ndarray, begin: int) -> tuple[int, list[float]]:
+    """Zones that have ever started (mask), and the first start of each of the four after the fault [ms], NaN
+    if none."""
+    done, words = 0, np.empty(len(samples), np.uint64)
+    while done < len(samples):
+        m = relay.advance(samples[done:])
+        words[done : done + m] = relay.pickup
+        done += m
+    assert not (words[:begin] & np.uint64(0b1111)).any(), "a start before the fault"
+    first = [np.flatnonzero(words & np.uint64(1 << zone)) for zone in range(4)]
+    return int(np.bitwise_or.reduce(words)) & 0b1111, [
+        1e3 * (f[0] - begin) / SAMPLING_HZ if len(f) else np.nan for f in first
+    ]
+
+
+@pytest.mark.parametrize("length", [100.0, 300.0])
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_fault_behind_a_line_that_rings(length: float, kind: str) -> None:
+    """../shared/cases/relay-reverse-long-line: 6 of 30 of these tripped zone 1 (100 km)."""
+    for angle in range(0, 180, 30):
+        x = network(length, {"line": "XA", "at_pu": 0.5, "type": kind, "angle_deg": float(angle)})
+        zones, times = starts(relay_of(length), *x)
+        assert not zones & 0b1011, f"{angle} degrees: zones {zones:04b} at {times}"
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_fault_on_the_line_beyond(kind: str) -> None:
+    for angle in range(0, 180, 30):
+        x = network(250.0, {"line": "BC", "at_pu": 0.3, "type": kind, "angle_deg": float(angle)})
+        zones, times = starts(relay_of(250.0), *x)
+        assert not zones & 0b0111, f"{angle} degrees: zones {zones:04b} at {times}"
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_fault_on_the_line_is_not_held_up(kind: str) -> None:
+    for angle in range(0, 180, 60):
+        x = network(100.0, {"line": "AB", "at_pu": 0.5, "type": kind, "angle_deg": float(angle)})
+        zones, times = starts(relay_of(100.0), *x)
+        assert zones & 0b0011, f"{angle} degrees"
+        assert np.nanmin(times[:2]) <= 20.0, f"{angle} degrees: {times}"
+
+
+# ---------------------------------------------------------------- drawn networks
+
+
+def _cases() -> ModuleType:
+    path = Path(__file__).resolve().parents[2] / "bench" / "security_cases.py"
+    spec = importlib.util.spec_from_file_location("security_cases", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_drawn_networks() -> None:
+    """Seeded; the campaign itself is bench/security.py."""
+    cases = _cases()
+    judged = 0
+    for number in range(60):
+        case = cases.draw(2001, number, ("mixed", "long")[number % 2])
+        samples, _ = cases.record(case, 1500.0)
+        z1, z0 = ([case["line"][f"{part}{n}_ohm_per_km"] * case["length"] for part in "rx"] for n in (1, 0))
+        for end in (0, 1):
+            seen = cases.view(case, end)
+            if seen.where == "inside" or not seen.bolted:
+                continue
+            judged += 1
+            settings = {
+                "relay": {"frequency_hz": case["f0"], "nominal_kv": case["kv"]},
+                "line": {"z1_ohm": z1, "z0_ohm": z0},
+                "pdis": [{"zone": 1, "reach_pu": 0.8}],
+            }
+            relay, done = Relay(RelaySettings.from_dict(settings)), 0
+            while done < len(samples[end]):
+                done += relay.advance(samples[end][done:])
+                assert not relay.pickup.any() or not (relay.pickup & np.uint64(1)).any(), (number, seen)
+    assert judged > 40
+
+
+# ---------------------------------------------------------------- the fit of the loop
+
+CONSTANTS = np.zeros(1, np.dtype([("turn_per_value", "f8")]))
+CONSTANTS["turn_per_value"] = 2 * np.pi / 96
+
+
+def recent(v: np.ndarray, i: np.ndarray) -> np.ndarray:
+    """Phase A's last values."""
+    r = np.zeros(1, RECENT)
+    r["value"][0, :, 0], r["value"][0, :, 3] = v[-LENGTH:], i[-LENGTH:]
+    r["head"] = LENGTH - 1
+    return r
+
+
+def waves(frequencies: tuple[float, ...], depth: float, arc: float) -> tuple[np.ndarray, np.ndarray]:
+    """v and i of a loop of ``depth`` of 4 + 30j ohm at 50 Hz, with an offset in i, and ``arc`` ohm."""
+    t = np.arange(LENGTH) / SAMPLING_HZ
+    r, inductance = 4.0 * depth, 30.0 * depth / (2 * np.pi * 50)
+    i, v = 700.0 * np.exp(-t / 0.03), (r - inductance / 0.03) * 700.0 * np.exp(-t / 0.03)
+    for k, f in enumerate(frequencies):
+        w, size = 2 * np.pi * f, 1000.0 / (k + 1)
+        i = i + size * np.sin(w * t + k)
+        v = v + size * (r * np.sin(w * t + k) + w * inductance * np.cos(w * t + k))
+    return v + arc * i, i
+
+
+@pytest.mark.parametrize("window", [(16, 32), (48, 96)])
+@pytest.mark.parametrize("arc", [0.0, 5.0])
+def test_the_fit_is_exact_for_every_waveform(window: tuple[int, int], arc: float) -> None:
+    v, i = waves((50.0, 137.0, 251.0), 0.6, arc)
+    sums = gather(CONSTANTS[0], recent(v, i)[0], (4 + 30j, 0j), 0, *window)
+    m, left = fit(sums, 1)
+    assert m == pytest.approx(0.6, abs=0.01)
+    assert left < 0.03
+
+
+def test_the_fit_says_where_the_waveforms_differ() -> None:
+    """A ringing whose voltage is not that of the line: m is wrong, and what is left says so."""
+    v, i = waves((50.0,), 1.5, 0.0)
+    ringing = 600.0 * np.sin(2 * np.pi * 170 * np.arange(LENGTH) / SAMPLING_HZ)
+    sums = gather(CONSTANTS[0], recent(v, i + ringing)[0], (4 + 30j, 0j), 0, 16, 32)
+    m, left = fit(sums, 1)
+    assert m + 2 * left > 1.0
+    assert left > 0.2
+
+
+def test_no_current_is_no_depth() -> None:
+    sums = gather(CONSTANTS[0], recent(np.ones(LENGTH), np.zeros(LENGTH))[0], (4 + 30j, 0j), 0, 16, 32)
+    assert fit(sums, 1) == (np.inf, np.inf)
