@@ -19,8 +19,8 @@ from faultloop.loop.inputs import changes_of, divided
 from faultloop.loop.recording import check_log_path, versions
 from faultloop.loop.scenario import Scenario, load_scenario
 
-Role = Literal["plant", "relay", "breaker", "rogue"]
-ROGUES = ("babbling", "forging")
+Role = Literal["plant", "relay", "breaker", "attacker"]
+ATTACKERS = ("babbling", "forging")
 TIME = Kind.HEARTBEAT + PLANT_NODE
 
 
@@ -39,9 +39,9 @@ def bus_of(scenario: Scenario, can: str | None) -> str:
     return bus
 
 
-def rogues(scenario: Scenario) -> list[BusFault]:
+def attackers(scenario: Scenario) -> list[BusFault]:
     """The faults on the bus that are nodes of their own."""
-    return [fault for fault in scenario.bus_fault if fault.kind in ROGUES]
+    return [fault for fault in scenario.bus_fault if fault.kind in ATTACKERS]
 
 
 def number_of(scenario: Scenario, role: Role, name: str | None) -> int:
@@ -50,7 +50,7 @@ def number_of(scenario: Scenario, role: Role, name: str | None) -> int:
         if name is not None:
             raise InputError(f"there is one plant, without a name; '{name}' is not needed", key="NAME")
         return 0
-    items = {"relay": scenario.relay, "breaker": scenario.breaker, "rogue": rogues(scenario)}[role]
+    items = {"relay": scenario.relay, "breaker": scenario.breaker, "attacker": attackers(scenario)}[role]
     names = [item.name for item in items]
     if name is None:
         raise InputError(f"say which {role}: {', '.join(names) or 'the scenario has none'}", key="NAME")
@@ -74,10 +74,10 @@ def make_node(
         from faultloop.live import relay
 
         return relay.RelayProcess(scenario, number, settings), relay.identifiers(scenario, number)
-    if role == "rogue":
-        from faultloop.live import rogue
+    if role == "attacker":
+        from faultloop.live import attacker
 
-        return rogue.RogueProcess(scenario, number), rogue.identifiers(scenario, number)
+        return attacker.AttackerProcess(scenario, number), attacker.identifiers(scenario, number)
     from faultloop.live import breaker
 
     return breaker.BreakerProcess(scenario, number, closed), breaker.identifiers(scenario, number)

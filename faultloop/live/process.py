@@ -23,7 +23,7 @@ from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, decode
 from faultloop.io.can.table import PLANT_NODE, TICK_NS
 from faultloop.live.clock import SECOND_NS, RunClock
 from faultloop.live.link import Link
-from faultloop.live.outbox import Outbox
+from faultloop.live.transmit_queue import TransmitQueue
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
 
@@ -143,25 +143,25 @@ def _time_of_plant(frame: Frame, sampling_hz: int) -> int | None:
 
 
 def serve(
-    node: Node, link: Link, outbox: Outbox, clock: RunClock, stop: Stop, linger_s: float = LINGER_S
+    node: Node, link: Link, queue: TransmitQueue, clock: RunClock, stop: Stop, linger_s: float = LINGER_S
 ) -> None:
     """Run a node until it is done or told to stop."""
     done_at: float | None = None
     while not stop.wanted.is_set():
-        wait = min(max(clock.wall_s(min(node.next_ns, outbox.next_ns)), 0.0), LONGEST_WAIT_S)
+        wait = min(max(clock.wall_s(min(node.next_ns, queue.next_ns)), 0.0), LONGEST_WAIT_S)
         if wait > 0.0005:
             frames = link.receive(wait)
         else:
             if wait > 0:
                 time.sleep(wait)  # more exact than a poll of whole milliseconds
             frames = link.receive(0)
-        if frames and not outbox.silent(clock.now_ns()):
+        if frames and not queue.silent(clock.now_ns()):
             node.receive(clock.now_ns(), [(clock.at(at), frame) for at, frame in frames])
         t_ns = clock.now_ns()
         if node.next_ns <= t_ns:
             for frame in node.poll(t_ns):
-                outbox.send(t_ns, frame)
-        outbox.release(t_ns)
+                queue.send(t_ns, frame)
+        queue.release(t_ns)
         if node.done(t_ns):
             done_at = time.monotonic() if done_at is None else done_at
             if time.monotonic() - done_at >= linger_s:
@@ -217,8 +217,8 @@ def run_node(
         try:
             node.begin(recorder, clock)
             linger_s = LINGER_S if supervision is None else 0.0 if leads else math.inf
-            outbox = Outbox(link, scenario, node.name)
-            serve(node, link, outbox, clock, stop, linger_s)
+            queue = TransmitQueue(link, scenario, node.name)
+            serve(node, link, queue, clock, stop, linger_s)
         except BaseException:
             recorder.abort()
             raise
@@ -229,7 +229,7 @@ def run_node(
             "retries": link.retries,
             "errors": link.errors,
             "dropped": link.dropped,
-            "bus_faults": dict(outbox.hits),
+            "bus_faults": dict(queue.hits),
         }
         if supervision is not None:
             supervision.tell({"statistics": statistics})

@@ -20,7 +20,7 @@ from faultloop.live.child import Child, ended_how
 from faultloop.live.clock import RunClock
 from faultloop.live.link import Link, open_link
 from faultloop.live.merge import merge
-from faultloop.live.nodes import ROGUES, NodeOptions, Role, bus_of, check_pace
+from faultloop.live.nodes import ATTACKERS, NodeOptions, Role, bus_of, check_pace
 from faultloop.loop.bus_faults import Edges, end_ns
 from faultloop.loop.bus_faults import describe as describe_fault
 from faultloop.loop.inputs import load_inputs
@@ -311,8 +311,8 @@ def _roles(scenario: Scenario, without: Collection[str]) -> dict[str, Role]:
                 file=scenario.path,
                 key=f"bus_fault[{fault.name}].kind",
             )
-        if fault.kind in ROGUES:
-            roles[fault.name] = "rogue"
+        if fault.kind in ATTACKERS:
+            roles[fault.name] = "attacker"
     for name in without:
         if name not in roles:
             raise InputError(f"there is no node '{name}'; {nearest(name, roles)}", key="--without")

@@ -40,8 +40,8 @@ from faultloop.nodes import (
     relay_node,
     with_followed_breakers,
 )
+from faultloop.nodes.attacker import attacker_nodes
 from faultloop.nodes.clock import SampleClock
-from faultloop.nodes.rogue import rogue_nodes
 from faultloop.plant import Plant
 from faultloop.relay import Event, Relay, RelayInputs
 
@@ -96,7 +96,7 @@ class Simulation:
         self._followers = {i: self._follower(i) for i in numbers if self._breaker_names[i] in left_out}
         self._relay_names = [place.name for place in scenario.relay]
         self._names = (*self._relay_names, *(self._breaker_names[i] for i in self._breaker_nodes))
-        self._rogues = rogue_nodes(scenario)
+        self._attackers = attacker_nodes(scenario)
         self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
         self._edges = Edges(scenario.bus_fault)
         self._deaf: frozenset[str] = frozenset()  # off the bus
@@ -141,7 +141,10 @@ class Simulation:
             for node, name in zip(nodes, self._names, strict=True)
             if name not in self._away
         ]
-        self._seats = (*own, *((rogue, rogue.name, self._senders.send_one) for rogue in self._rogues))
+        self._seats = (
+            *own,
+            *((attacker, attacker.name, self._senders.send_one) for attacker in self._attackers),
+        )
 
     # -- the clock ------------------------------------------------------------------------------------------
 
@@ -287,8 +290,8 @@ class Simulation:
                     if inputs != relay.inputs:
                         self._ahead.settle()
                         relay.inputs = inputs
-            for rogue in self._rogues:
-                rogue.receive(t_ns, frame)
+            for attacker in self._attackers:
+                attacker.receive(t_ns, frame)
             for number, node in self._breaker_nodes.items():
                 if self._breaker_names[number] in deaf:
                     continue

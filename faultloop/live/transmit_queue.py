@@ -12,7 +12,7 @@ from faultloop.loop.scenario import Scenario
 from faultloop.nodes.clock import FOREVER
 
 
-class Outbox:
+class TransmitQueue:
     """Frames go through their sender's faults to the bus, as in the simulation; late ones wait here.
 
     Parameters

@@ -8,16 +8,16 @@ from faultloop.io.can.frames import Frame
 from faultloop.live.clock import RunClock
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
-from faultloop.nodes.rogue import ForgingNode, Rogue, rogue_nodes
+from faultloop.nodes.attacker import Attacker, ForgingNode, attacker_nodes
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:
     """What it listens to: a forger, its victim."""
-    node = rogue_nodes(scenario)[number]
+    node = attacker_nodes(scenario)[number]
     return [node.identifier] if isinstance(node, ForgingNode) else []
 
 
-class RogueProcess:
+class AttackerProcess:
     """A babbling or a forging node.
 
     Parameters
@@ -27,11 +27,11 @@ class RogueProcess:
 
     def __init__(self, scenario: Scenario, number: int) -> None:
         self._scenario, self._number = scenario, number
-        self.node: Rogue = rogue_nodes(scenario)[number]
+        self.node: Attacker = attacker_nodes(scenario)[number]
         self.name = self.node.name
 
     def begin(self, recorder: Recorder, clock: RunClock) -> None:
-        self.node = rogue_nodes(clock.started(self._scenario))[self._number]
+        self.node = attacker_nodes(clock.started(self._scenario))[self._number]
 
     @property
     def next_ns(self) -> int:

@@ -16,7 +16,7 @@ HEARD = 64
 """Frames that a replaying forger remembers."""
 
 
-class Rogue:
+class Attacker:
     """Sends at a steady rate in its fault's window; what it sends is `_frame`'s business."""
 
     def __init__(self, fault: BusFault, stream: str) -> None:
@@ -48,14 +48,14 @@ class Rogue:
         raise NotImplementedError
 
 
-class BabblingNode(Rogue):
+class BabblingNode(Attacker):
     """A babbling idiot (Kopetz): one identifier, random data, as fast as it is told."""
 
     def _frame(self, t_ns: int) -> Frame | None:
         return Frame(self.fault.identifier, self._random.randbytes(self.fault.length))
 
 
-class ForgingNode(Rogue):
+class ForgingNode(Attacker):
     """Sends under another node's identifier.
 
     Parameters
@@ -91,10 +91,10 @@ class ForgingNode(Rogue):
         return State(kind, self.identifier & 0xF, poles, 1, number % 256, number % 15, ticks(t_ns))
 
 
-def rogue_nodes(scenario: BusTables) -> list[Rogue]:
+def attacker_nodes(scenario: BusTables) -> list[Attacker]:
     """The babbling and the forging nodes of a scenario."""
     seed = scenario.scenario.seed
-    nodes: list[Rogue] = []
+    nodes: list[Attacker] = []
     for i, fault in enumerate(scenario.bus_fault):
         stream = f"{seed}/{i}/{fault.name}"
         if fault.kind == "babbling":
