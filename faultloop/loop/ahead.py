@@ -18,13 +18,13 @@ from faultloop.relay import Event, Relay
 
 
 class Piece(NamedTuple):
-    """What `Ahead.take` gives: `count` samples from number `first` on, of the relays that run, by number.
+    """What `Ahead.take` gives: `length` samples from number `first` on, of the relays that run, by number.
 
     It `ends` where the block does: then the block's changes are its own.
     """
 
     first: int
-    count: int
+    length: int
     ends: bool
     relays: dict[int, tuple[RelayBlock, list[Event]]]
 

@@ -214,12 +214,12 @@ class Simulation:
         for i, (block, _) in piece.relays.items():
             self.recorder.block(self._relay_names[i], self.clock, piece.first, block)
         if piece.ends:
-            self._record_plant(self.clock.ns(k + piece.count - 1))
+            self._record_plant(self.clock.ns(k + piece.length - 1))
         for i, (block, events) in piece.relays.items():
             self._record_events(i, events)
             if piece.ends:
-                self._set(i, self.clock.ns(k + piece.count - 1), block.phasors[-1])
-        return piece.count
+                self._set(i, self.clock.ns(k + piece.length - 1), block.phasors[-1])
+        return piece.length
 
     def _record_plant(self, t_ns: int) -> None:
         """Poles and faults that the block, which ends at `t_ns`, changed.

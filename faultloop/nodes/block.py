@@ -28,4 +28,7 @@ class RelayBlock(NamedTuple):
 
     def piece(self, start: int, stop: int) -> RelayBlock:
         """Rows `start` to `stop`."""
-        return RelayBlock(*(array[start:stop] for array in self))
+        part = slice(start, stop)
+        return RelayBlock(
+            self.samples[part], self.phasors[part], self.loops[part], self.pickup[part], self.operate[part]
+        )
