@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import typer
 
@@ -67,8 +70,9 @@ def call(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status.  Every wrong input is one line on standard error."""
     prepare_streams()
     try:
-        status = app(args=None if arguments is None else list(arguments), standalone_mode=False)
-        sys.stdout.flush()
+        with _terminable():
+            status = app(args=None if arguments is None else list(arguments), standalone_mode=False)
+            sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except InputError as error:
         warn(f"faultloop: {error}")
@@ -87,6 +91,28 @@ def call(arguments: Sequence[str] | None = None) -> int:
             raise
         warn(f"faultloop: {' '.join(told().split())} (see faultloop --help)")
         return 2
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """A termination signal, or a terminal's end, ends a command as Ctrl-C does: nothing half-made stays."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [
+        number for name in ("SIGTERM", "SIGHUP") if (number := getattr(signal, name, None)) is not None
+    ]
+    before = {n: signal.signal(n, signal.default_int_handler) for n in numbers if _heeded(n)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _heeded(number: int) -> bool:
+    """Not by nohup's child, and where nobody else has a handler."""
+    return signal.getsignal(number) is signal.SIG_DFL
 
 
 def main() -> None:

@@ -21,11 +21,13 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Compare two logs: the first differing field and time.  Exit status 3 where they differ."""
-    from faultloop.cli.output import print_json
+    from faultloop.cli.output import print_json, warn_of
     from faultloop.io.diff import diff_logs
     from faultloop.io.mcap_reader import open_log
 
-    result = diff_logs(open_log(a), open_log(b), ignore or [], _tolerances(tolerance or []))
+    one, other = open_log(a), open_log(b)
+    result = diff_logs(one, other, ignore or [], _tolerances(tolerance or []))
+    warnings = warn_of(one, other)
     if json:
         print_json(
             {
@@ -34,6 +36,7 @@ def command(
                 "fields": [vars(field) for field in result.fields],
                 "topics": [{"topic": topic, "only_in": side} for topic, side in result.topics],
                 "information": result.information,
+                "warnings": warnings,
             }
         )
     else:

@@ -26,7 +26,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Write a log, or a part of it, in another format."""
-    from faultloop.cli.output import print_json
+    from faultloop.cli.output import print_json, warn_of
     from faultloop.cli.terminal import say
     from faultloop.errors import InputError
     from faultloop.io.mcap_reader import open_log
@@ -48,8 +48,9 @@ def command(
         from faultloop.review.export import log_to_can
 
         written += log_to_can(opened, can)
+    warnings = warn_of(opened)
     if json:
-        print_json({"written": [str(path) for path in written]})
+        print_json({"written": [str(path) for path in written], "warnings": warnings})
     else:
         for path in written:
             say(f"wrote {path}")

@@ -38,7 +38,7 @@ def command(
     """Show what is on a bus: each message decoded, its rate, what its protection says, the bus load."""
     from rich.live import Live
 
-    from faultloop.cli.output import console, print_json
+    from faultloop.cli.output import console, print_json, screen
     from faultloop.io.can.dbc import load_dbc
     from faultloop.io.can.monitor import BusMonitor
 
@@ -49,7 +49,7 @@ def command(
         end_ns = None if seconds is None else begin_ns + round(seconds * 1e9)
         out = console()
         if out.is_terminal and not json:
-            with Live(console=out, screen=True, auto_refresh=False) as live:
+            with Live(console=screen(), screen=True, auto_refresh=False) as live:
                 _watch(monitor, link, end_ns, lambda: live.update(_table(monitor, link), refresh=True))
         else:
             _watch(monitor, link, end_ns, lambda: None)

@@ -19,6 +19,7 @@ from rich.text import Text
 from faultloop.cli.terminal import safe, warn
 
 if TYPE_CHECKING:
+    from faultloop.io.mcap_reader import Log
     from faultloop.io.rerun_sink import RerunSink
     from faultloop.study.report import Report
 
@@ -31,11 +32,19 @@ class _SafeConsole(Console):
             yield segment if segment.control else segment._replace(text=safe(segment.text))
 
 
+WIDTH = 160  # of the widest table
+
+
 def console() -> Console:
-    """Standard output; where it is no terminal, wide enough that no table is cut."""
+    """Standard output, never narrower than a table: a terminal that is wraps the line, and nothing is cut."""
+    out = screen()
+    return out if out.width >= WIDTH else _SafeConsole(highlight=False, markup=False, width=WIDTH)
+
+
+def screen() -> Console:
+    """Standard output as wide as the terminal is, for what fills it."""
     # No markup: a name in a scenario may hold brackets.
-    out = _SafeConsole(highlight=False, markup=False)
-    return out if out.is_terminal else _SafeConsole(highlight=False, markup=False, width=160)
+    return _SafeConsole(highlight=False, markup=False)
 
 
 def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Group:
@@ -107,6 +116,14 @@ def serve(stream: RerunSink | None) -> None:
     if stream is not None and stream.url is not None:
         warn(f"serving at {stream.url}: connect with `rerun {stream.url}`; Ctrl-C ends it")
         stream.wait()
+
+
+def warn_of(*logs: Log) -> list[str]:
+    """Says on standard error what is damaged in logs; returns it, for ``--json``."""
+    told = [f"{log.path}: {text}" for log in logs for text in log.warnings]
+    for text in dict.fromkeys(told):
+        warn(f"faultloop: warning: {text}")
+    return told
 
 
 @cache

@@ -76,5 +76,7 @@ def command(
         print_json(result.as_dict())
     else:
         print_replay(result)
+    if result.interrupted:
+        return 130
     serve(result.rerun)
     return 0

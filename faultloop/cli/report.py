@@ -138,5 +138,7 @@ def print_replay(result: ReplayResult) -> None:
     if not result.trips:
         out.print("no trip")
     out.print(f"fault location: {_percent(result.fault_location)} of the line")
+    if result.interrupted:
+        out.print("interrupted before the record's end", style="yellow")
     if result.log is not None:
         out.print(f"log: {result.log}")

@@ -18,7 +18,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """What happened in a log: a summary, and plots where asked for."""
-    from faultloop.cli.output import console, print_json, serve
+    from faultloop.cli.output import console, print_json, serve, warn_of
     from faultloop.cli.terminal import say
     from faultloop.io.mcap_reader import open_log
     from faultloop.review.summary import summarize
@@ -37,6 +37,7 @@ def command(
 
         write_html(opened, summary, html)
         written.append(html)
+    warn_of(opened)
     if json:
         print_json(summary | {"written": [str(path) for path in written]})
     else:

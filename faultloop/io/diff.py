@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -86,10 +87,14 @@ def diff_logs(
     for topic in sorted({*a.topics, *b.topics} - set(shared)):
         side = a if topic in a.topics else b
         wanted = message_of(topic) and not _matches(f"{topic}.{MISSING}", ignore)
-        if wanted and len(side.array(topic)):
+        if wanted and any(len(side.array(topic, *span)) for span in side.windows()):
             result.topics.append((topic, "a" if side is a else "b"))
-    for topic in shared:
-        result.fields += _compare_topic(topic, a.array(topic), b.array(topic), ignore, tolerances)
+    tallies = [_Tally(topic, ignore, tolerances) for topic in shared]
+    edges = sorted({edge for log in (a, b) for span in log.windows() for edge in span})
+    for span in pairwise(edges):  # so that logs of any length are compared in a memory that is bounded
+        for tally in tallies:
+            tally.take(a.array(tally.topic, *span), b.array(tally.topic, *span))
+    result.fields = [found for tally in tallies for found in tally.differences()]
     # Of fields that differ at the same time the cause stands first: samples, phasors, loops, elements, ...
     shared.sort(key=lambda topic: MESSAGES.index(message_of(topic)))
     order = {topic: place for place, topic in enumerate(shared)}
@@ -112,35 +117,54 @@ def _matches(name: str, patterns: Iterable[str]) -> bool:
     return any(fnmatchcase(name if pattern.startswith("/") else bare, pattern) for pattern in patterns)
 
 
-def _compare_topic(
-    topic: str, a: np.ndarray, b: np.ndarray, ignore: list[str], tolerances: dict[str, float]
-) -> list[FieldDifference]:
-    found = []
-    in_a, in_b = _pair(a["t_ns"], b["t_ns"])
-    missing = _missing(topic, (a, in_a), (b, in_b))
-    if missing and not _matches(missing.name, ignore):
-        found.append(missing)
-    a, b = a[in_a], b[in_b]
-    for name in (a.dtype.names or ())[1:]:
-        full = f"{topic}.{name}"
-        if _matches(full, ignore):
-            continue
-        limits = [limit for pattern, limit in tolerances.items() if _matches(full, [pattern])]
-        unequal = _unequal(a[name], b[name], max(limits, default=0.0))
+class _Tally:
+    """The differences of one topic, stretch of time by stretch of time."""
+
+    def __init__(self, topic: str, ignore: list[str], tolerances: dict[str, float]) -> None:
+        self.topic, self._ignore = topic, ignore
+        self._tolerances = tolerances
+        self._paired = 0
+        self._found: dict[str, FieldDifference] = {}
+
+    def take(self, a: np.ndarray, b: np.ndarray) -> None:
+        """Compares the messages of a stretch."""
+        in_a, in_b = _pair(a["t_ns"], b["t_ns"])
+        missing = _missing(self.topic, (a, in_a), (b, in_b))
+        if missing and not _matches(missing.name, self._ignore):
+            self._add(missing)
+        if len(in_a) < len(a) or len(in_b) < len(b):
+            a, b = a[in_a], b[in_b]
+        self._paired += len(a)
+        for name in (a.dtype.names or ())[1:]:
+            self._compare(f"{self.topic}.{name}", a[name], b[name], a["t_ns"])
+
+    def _compare(self, full: str, a: np.ndarray, b: np.ndarray, t_ns: np.ndarray) -> None:
+        if _matches(full, self._ignore):
+            return
+        limits = [limit for pattern, limit in self._tolerances.items() if _matches(full, [pattern])]
+        unequal = _unequal(a, b, max(limits, default=0.0))
         if len(unequal):
             first = int(unequal[0])
-            found.append(
-                FieldDifference(
-                    full,
-                    count=len(unequal),
-                    compared=len(a),
-                    t_ns=int(a["t_ns"][first]),
-                    a=a[name][first].item() if a[name].dtype != object else a[name][first],
-                    b=b[name][first].item() if b[name].dtype != object else b[name][first],
-                    largest=_largest(a[name][unequal], b[name][unequal]),
-                )
-            )
-    return found
+            one, other = (x[first] if x.dtype == object else x[first].item() for x in (a, b))
+            largest = _largest(a[unequal], b[unequal])
+            self._add(FieldDifference(full, len(unequal), 0, int(t_ns[first]), one, other, largest))
+
+    def _add(self, new: FieldDifference) -> None:
+        old = self._found.get(new.name)
+        if old is not None:
+            largest = None
+            if old.largest is not None and new.largest is not None:
+                largest = float(np.maximum(old.largest, new.largest))  # NaN stays NaN
+            new = replace(old, count=old.count + new.count, largest=largest)
+        self._found[new.name] = new
+
+    def differences(self) -> list[FieldDifference]:
+        """One for each field that differs, the missing messages first."""
+        out = []
+        for name, found in self._found.items():
+            alone = found.count if name.endswith(MISSING) else 0
+            out.append(replace(found, compared=self._paired + alone))
+        return sorted(out, key=lambda found: not found.name.endswith(MISSING))
 
 
 def _pair(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -172,7 +196,7 @@ def _missing(
     return FieldDifference(
         f"{topic}.{MISSING}",
         count=count,
-        compared=count + len(a[1]),
+        compared=0,
         t_ns=int(alone[side][0]),
         a=present if a_first else None,
         b=None if a_first else present,

@@ -6,6 +6,7 @@ at once.  Everything else (schemas, channels, metadata, summary) uses the librar
 
 from __future__ import annotations
 
+import mmap
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -46,14 +47,21 @@ DAMAGE = (
     ValueError,
     TypeError,
     LookupError,
+    AttributeError,
     OverflowError,
     MemoryError,
+    RecursionError,
     struct.error,
     McapError,
     DecodeError,
 )
 RECORD_HEAD = struct.Struct("<BQ")  # opcode, length of what follows
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")  # then channel, sequence, log time, publish time
+
+FOOTER_SIZE = 29  # of its whole record
+MOST_BYTES = 1 << 28  # of a chunk, unpacked; faultloop's own have some 1 MB
+FREE_BYTES = 1 << 24  # up to here a chunk may be packed as densely as it likes
+MOST_RATIO = 1000  # of what is unpacked to what is stored, above that
 
 Buffer = bytes | memoryview  # of single bytes, so that len() counts them
 
@@ -292,18 +300,42 @@ def walk(data: Buffer, start: int = 0) -> Iterator[Raw]:
 
 
 def decompress(compression: str, data: Buffer, size: int) -> Buffer:
-    """Content of a chunk.  Raises ValueError if it is damaged, of another size, or of unknown compression."""
-    try:
-        if compression == "":
-            content = data
-        elif compression == "lz4":
-            content = lz4.frame.decompress(data)
-        elif compression == "zstd":
-            content = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-        else:
-            raise ValueError(f"compression {compression!r} is not known; known: lz4, zstd")
-    except (RuntimeError, zstandard.ZstdError, MemoryError) as error:
-        raise ValueError(f"cannot be decompressed ({error})") from error
+    """Content of a chunk.
+
+    Raises ValueError if it is damaged, of another size, of unknown compression, or larger than a chunk may
+    be: whatever a header claims, not more than that is unpacked.
+    """
+    if compression not in COMPRESSORS:
+        raise ValueError(f"compression {compression!r} is not known; known: lz4, zstd")
+    check_size(size, len(data))
+    content = data if compression == "" else unpack(compression, data, size + 1)
     if len(content) != size:
-        raise ValueError(f"is {len(content)} bytes long, its header says {size}")
+        more = "more than " if len(content) > size else ""
+        raise ValueError(f"is {more}{min(len(content), size)} bytes long, its header says {size}")
     return content
+
+
+def check_size(size: int, stored: int) -> None:
+    """Raises ValueError where a chunk claims more than one may hold, as one does that is to fill memory."""
+    if size > MOST_BYTES or size > max(FREE_BYTES, MOST_RATIO * stored):
+        limit = min(MOST_BYTES, max(FREE_BYTES, MOST_RATIO * stored))
+        raise ValueError(f"a chunk of {stored} bytes claims to hold {size}; the limit for it is {limit}")
+
+
+def unpack(compression: str, data: Buffer, most: int) -> bytes:
+    """What can be unpacked of data that may be cut off, at most so many bytes.  Raises ValueError."""
+    try:
+        if compression == "lz4":
+            return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most)
+        with zstandard.ZstdDecompressor(max_window_size=MOST_BYTES).stream_reader(data) as reader:
+            return reader.read(most)
+    except (RuntimeError, EOFError, zstandard.ZstdError, MemoryError) as error:
+        raise ValueError(f"cannot be decompressed ({error})") from error
+
+
+def forget_pages(data: mmap.mmap | bytes, start: int, stop: int) -> None:
+    """Gives pages of a mapped file back: they count as this process's memory while they are mapped."""
+    if isinstance(data, mmap.mmap) and hasattr(data, "madvise"):
+        start -= start % mmap.PAGESIZE
+        if stop > start:
+            data.madvise(mmap.MADV_DONTNEED, start, stop - start)

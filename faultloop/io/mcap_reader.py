@@ -8,24 +8,31 @@ from __future__ import annotations
 
 import json
 import mmap
-import struct
-import zlib
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Channel
 from mcap_protobuf.decoder import DecoderFactory
 
 from faultloop.config.input_file import check_input
 from faultloop.errors import InputError, nearest
 from faultloop.io import messages as table
-from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC, MESSAGE_HEAD, ChunkHead, decompress, parse, walk
+from faultloop.io.mcap_contents import Contents, Segment
+from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC, MESSAGE_HEAD
 from faultloop.io.messages import Message, array_dtype, message_of, source_of
+from faultloop.io.output_file import parts_of
 from faultloop.io.schema import is_fixed_layout, record_dtype, schema_bytes
+
+WINDOW_BYTES = 1 << 24
+MOST_NS = 1 << 62  # beyond every time of a log, both ways, and still an int64 with a start added
+
+
+class IndexDamage(ValueError):
+    """A message index does not lead to the messages that it should."""
 
 
 @dataclass(frozen=True)
@@ -48,27 +55,11 @@ class Entry:
             raise AttributeError(name) from None
 
 
-@dataclass
-class Segment:
-    """Some records: a chunk, or the part of a file that is in no chunk."""
-
-    load: Callable[[], bytes | memoryview]
-    index: dict[int, np.ndarray] = field(default_factory=dict)  # offsets of the messages, per channel
-
-    def offsets(self, channel: int) -> np.ndarray:
-        if not self.index:  # a file may come without message indexes
-            found: dict[int, list[int]] = {}
-            content = self.load()
-            for record in walk(content):
-                if record.opcode == Opcode.MESSAGE:
-                    offset = record.start - 9
-                    found.setdefault(MESSAGE_HEAD.unpack_from(content, offset)[2], []).append(offset)
-            self.index = {number: np.array(offsets, np.uint64) for number, offsets in found.items()}
-        return self.index.get(channel, np.empty(0, np.uint64))
-
-
 class Log:
-    """An opened log.  Arrays are made when first asked for, and are read-only.
+    """An opened log.  Whole arrays are made when first asked for and kept; all arrays are read-only.
+
+    A log of any length can be read piece by piece: ``windows`` gives stretches of time that hold some 16 MB,
+    and ``array`` and its like take ``from_ns`` and ``to_ns``; what is read so is not kept.
 
     Attributes
     ----------
@@ -78,150 +69,137 @@ class Log:
     relays, breakers : names, in the order of the file.
     metadata : metadata records by name.
     attachments : contents by name.
+    warnings : what is damaged and was left out or found in another way, one line each; reading may add some.
     """
 
     def __init__(self, path: Path, data: mmap.mmap | bytes) -> None:
         self.path = path
-        self.metadata: dict[str, dict[str, str]] = {}
-        self.attachments: dict[str, bytes] = {}
-        self._data = memoryview(data)
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[str, list[Channel]] = {}
-        self._segments: list[Segment] = []
+        self._contents = Contents(data)
+        self.metadata, self.attachments = self._contents.metadata, self._contents.attachments
+        self.warnings = self._contents.warnings
+        self._channels = self._contents.channels
         self._arrays: dict[str, np.ndarray] = {}
-        self._first_ns: int | None = None
+        self._spans: np.ndarray | None = None  # of the segments [ns since the start], (n, 2)
         self._decoders = DecoderFactory()
-        self._scan()
-        recorded = self.metadata.get(LOG_RECORD, {}).get("start_ns")
-        self.start_ns = int(recorded) if recorded is not None else self._first_ns or 0
+        self.start_ns = self._start_ns()
         self.topics = tuple(sorted(self._channels))
         self.relays = self._sources("relay")
         self.breakers = self._sources("breaker")
 
+    def _start_ns(self) -> int:
+        """As the run noted it; the first message's time where that is missing or cannot be."""
+        firsts = [segment.first_ns for segment in self._contents.segments]
+        first = min(firsts, default=0)
+        text = self.metadata.get(LOG_RECORD, {}).get("start_ns")
+        if text is None:
+            return first
+        found = int(text) if text.isascii() and text.isdecimal() and len(text) < 20 else -1
+        if not 0 <= found <= (first if firsts else MOST_NS):
+            self.warn(
+                f"metadata {LOG_RECORD}.start_ns is no start of this log: times count from its first message"
+            )
+            return first
+        return found
+
+    def warn(self, text: str) -> None:
+        """Notes what could not be read, once."""
+        self._contents.warn(text)
+
     def _sources(self, kind: str) -> tuple[str, ...]:
         return tuple(dict.fromkeys(source_of(t) for t in self._channels if t.startswith(f"/{kind}/")))
 
-    # -- the file's records ---------------------------------------------------------------------------------
-
-    def _scan(self) -> None:
-        """Takes in every record at the top level; the content of chunks only where it has to."""
-        loose: dict[int, list[int]] = {}
-        ended, footer = False, False
-        for record in walk(self._data, len(MAGIC)):
-            opcode, content = record.opcode, self._data[record.start : record.stop]
-            if opcode == Opcode.CHUNK:
-                self._add_chunk(ChunkHead.read(content), content)
-            elif opcode == Opcode.MESSAGE_INDEX and self._segments:
-                channel, _ = struct.unpack_from("<HI", content)
-                entries = np.frombuffer(content, np.uint64, offset=6).reshape(-1, 2)
-                if len(entries):
-                    self._segments[-1].index[channel] = entries[:, 1]
-            elif opcode == Opcode.MESSAGE:
-                head = MESSAGE_HEAD.unpack_from(self._data, record.start - 9)
-                loose.setdefault(head[2], []).append(record.start - 9)
-                self._starts_at(head[4])
-            elif opcode == Opcode.METADATA:
-                metadata = parse(Metadata, content)
-                self.metadata[metadata.name] = metadata.metadata
-            elif opcode == Opcode.ATTACHMENT:
-                attachment = parse(Attachment, content)
-                self.attachments[attachment.name] = attachment.data
-            else:
-                self._declare(opcode, content)
-            ended, footer = ended or opcode == Opcode.DATA_END, opcode == Opcode.FOOTER
-        if not (ended and footer):
-            raise ValueError("its records break off before the footer")
-        if loose:
-            index = {channel: np.array(offsets, np.uint64) for channel, offsets in loose.items()}
-            self._segments.append(Segment(lambda: self._data, index))
-        self._find_channels()
-
-    def _starts_at(self, log_ns: int) -> None:
-        self._first_ns = log_ns if self._first_ns is None else min(self._first_ns, log_ns)
-
-    def _declare(self, opcode: int, content: memoryview) -> None:
-        if opcode == Opcode.SCHEMA:
-            schema = parse(Schema, content)
-            self._schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = parse(Channel, content)
-            same = self._channels.setdefault(channel.topic, [])
-            if all(known.id != channel.id for known in same):
-                same.append(channel)
-
-    def _add_chunk(self, head: ChunkHead, content: memoryview) -> None:
-        self._starts_at(head.first_ns)
-        loaded: list[bytes | memoryview] = []
-
-        def load() -> bytes | memoryview:
-            if not loaded:
-                records = decompress(head.compression, content[head.start : head.stop], head.size)
-                if head.crc and zlib.crc32(records) != head.crc:
-                    raise ValueError("a chunk does not match its checksum")
-                loaded.append(records)
-            return loaded[0]
-
-        self._segments.append(Segment(load))
-
-    def _find_channels(self) -> None:
-        """Channels and schemas from the chunks, for a file whose summary does not repeat them all."""
-        channels = [channel for same in self._channels.values() for channel in same]
-        known = {channel.id for channel in channels}
-        if (
-            all(segment.index and known.issuperset(segment.index) for segment in self._segments)
-            and {channel.schema_id for channel in channels} <= self._schemas.keys() | {0}  # 0: no schema
-        ):
-            return
-        for segment in self._segments:
-            content = memoryview(segment.load())
-            for record in walk(content):
-                self._declare(record.opcode, content[record.start : record.stop])
-
     # -- topics ----------------------------------------------------------------------------------------------
 
-    def array(self, topic: str) -> np.ndarray:
+    def windows(self, size: int = WINDOW_BYTES) -> list[tuple[int, int]]:
+        """Stretches of time [ns since the start], one after the other and all together everything, each with
+        about ``size`` bytes of messages in it."""
+        segments = sorted(self._contents.segments, key=lambda segment: segment.first_ns)
+        edges, held = [-MOST_NS], 0
+        for segment in segments:
+            edge = segment.first_ns - self.start_ns
+            if held > size and edge > edges[-1]:
+                edges.append(edge)
+                held = 0
+            held += segment.head.size if segment.head else segment.stop - segment.start
+        return list(pairwise([*edges, MOST_NS]))
+
+    def array(self, topic: str, from_ns: int | None = None, to_ns: int | None = None) -> np.ndarray:
         """All messages of a topic: a structured array (n,), ``t_ns`` [ns since the start], then the fields.
 
-        Numbers are numbers, texts and bytes are objects; ordered by time.  Raises InputError for a topic that
-        the log or the table of messages does not have, and for damaged content.
+        Numbers are numbers, texts and bytes are objects; ordered by time.  ``from_ns`` (included) and
+        ``to_ns`` (not included) give a part of it.  Raises InputError for a topic that the log or the table
+        of messages does not have, and for damaged content.
         """
-        if topic not in self._arrays:
-            message = message_of(topic)
-            if topic not in self._channels or message is None:
-                ours = [name for name in self.topics if message_of(name)]
-                raise InputError(f"no topic of that name; {nearest(topic, ours)}", file=self.path, key=topic)
-            try:
-                parts = [
-                    self._read(segment, channel, message)
-                    for channel in self._channels[topic]
-                    for segment in self._segments
-                    if len(segment.offsets(channel.id))
-                ]
-                rows = np.concatenate([np.empty(0, array_dtype(message)), *parts])
-            except DAMAGE as error:
-                raise InputError(f"is damaged: {error}", file=self.path, key=topic) from error
-            if (np.diff(rows["t_ns"]) < 0).any():
-                rows = rows[np.argsort(rows["t_ns"], kind="stable")]
+        message = message_of(topic)
+        if topic not in self._channels or message is None:
+            ours = [name for name in self.topics if message_of(name)]
+            raise InputError(f"no topic of that name; {nearest(topic, ours)}", file=self.path, key=topic)
+        if from_ns is not None or to_ns is not None:
+            span = (-MOST_NS if from_ns is None else from_ns, MOST_NS if to_ns is None else to_ns)
+            rows = self._rows(topic, message, self._segments_in(*span))
+            rows = rows[slice(*np.searchsorted(rows["t_ns"], span))]
             rows.flags.writeable = False
-            self._arrays[topic] = rows
+            return rows
+        if topic not in self._arrays:
+            self._arrays[topic] = self._rows(topic, message, self._contents.segments)
+            self._arrays[topic].flags.writeable = False
         return self._arrays[topic]
 
+    def _segments_in(self, from_ns: int, to_ns: int) -> list[Segment]:
+        segments = self._contents.segments
+        if self._spans is None:
+            ends = [(s.first_ns - self.start_ns, s.last_ns - self.start_ns) for s in segments]
+            self._spans = np.array(ends, np.float64).reshape(-1, 2)  # rounded: one too many at most
+        first, last = self._spans[:, 0], self._spans[:, 1]
+        near = (first <= np.nextafter(to_ns, np.inf)) & (last >= np.nextafter(from_ns, -np.inf))
+        return [segments[place] for place in np.flatnonzero(near).tolist()]
+
+    def _rows(self, topic: str, message: Message, segments: list[Segment]) -> np.ndarray:
+        channels = self._channels[topic]
+        try:
+            found = [self._part(segment, channel, message) for channel in channels for segment in segments]
+        except DAMAGE as error:
+            raise InputError(f"is damaged: {error}", file=self.path, key=topic) from error
+        rows = _joined([part for part in found if len(part)], array_dtype(message))
+        if (np.diff(rows["t_ns"]) < 0).any():
+            rows = rows[np.argsort(rows["t_ns"], kind="stable")]
+        return rows
+
+    def _part(self, segment: Segment, channel: Channel, message: Message) -> np.ndarray:
+        """A channel's messages in a segment; where its index proves wrong, found without it."""
+        try:
+            return self._read(segment, channel, message)
+        except IndexDamage:
+            self._contents.distrust(segment)
+            return self._read(segment, channel, message)
+
     def _read(self, segment: Segment, channel: Channel, message: Message) -> np.ndarray:
-        content, offsets = segment.load(), segment.offsets(channel.id)
-        schema = self._schemas.get(channel.schema_id)
+        entries = self._contents.index(segment, channel.id)
+        if not len(entries):
+            return np.empty(0, array_dtype(message))
+        content = self._contents.load(segment)
+        times, offsets = entries[:, 0], entries[:, 1]
+        if (offsets[1:] <= offsets[:-1]).any() or int(offsets.max()) + MESSAGE_HEAD.size > len(content):
+            raise IndexDamage("a message index is damaged")
+        if int(times.min()) < segment.first_ns or int(times.max()) > segment.last_ns:
+            raise ValueError("the times of a chunk's messages are not those of its head")
+        schema = self._contents.schemas.get(channel.schema_id)
         if message.every_sample and schema is not None and schema.data == schema_bytes(message):
             records = _records(content, offsets, record_dtype(message))
             if records is not None and is_fixed_layout(records, message, channel.id):
+                if not np.array_equal(records["head"]["log_time"], times):
+                    raise IndexDamage("a message index is damaged")
                 return self._from_records(records, message)
         decode = self._decoders.decoder_for(channel.message_encoding, schema)
         if decode is None:
             raise ValueError(f"encoding {channel.message_encoding!r}; it should be protobuf, with a schema")
         rows = []
-        for offset in offsets.tolist():
+        for time, offset in zip(times.tolist(), offsets.tolist(), strict=True):
             opcode, length, number, _, log_ns, _ = MESSAGE_HEAD.unpack_from(content, offset)
-            if opcode != Opcode.MESSAGE or number != channel.id or offset + 9 + length > len(content):
-                raise ValueError(f"no message at byte {offset} of a chunk, where its index has one")
-            proto = decode(bytes(content[offset + MESSAGE_HEAD.size : offset + 9 + length]))
+            stop = offset + 9 + length
+            if (opcode, number, log_ns) != (Opcode.MESSAGE, channel.id, time) or stop > len(content):
+                raise IndexDamage("a message index is damaged")
+            proto = decode(bytes(content[offset + MESSAGE_HEAD.size : stop]))
             rows.append((log_ns - self.start_ns, *(getattr(proto, f.name, f.absent) for f in message.fields)))
         return np.array(rows, array_dtype(message))
 
@@ -229,51 +207,82 @@ class Log:
         rows = np.empty(len(records), array_dtype(message))
         rows["t_ns"] = records["head"]["log_time"].astype(np.int64) - self.start_ns
         # All fields are 8 bytes: one copy of the whole block instead of one per field.
-        rows.view("<u8").reshape(len(rows), -1)[:, 1:] = records["body"]["value"]
+        rows.view("<u8").reshape(len(rows), rows.dtype.itemsize // 8)[:, 1:] = records["body"]["value"]
         return rows
 
-    def samples(self, relay: str) -> np.ndarray:
+    def samples(self, relay: str, from_ns: int | None = None, to_ns: int | None = None) -> np.ndarray:
         """Sampled values: t_ns, sample_count, va vb vc [V], ia ib ic [A], primary."""
-        return self.array(table.SAMPLED_VALUES.topic_for(relay))
+        return self.array(table.SAMPLED_VALUES.topic_for(relay), from_ns, to_ns)
 
-    def phasors(self, relay: str) -> np.ndarray:
+    def phasors(self, relay: str, from_ns: int | None = None, to_ns: int | None = None) -> np.ndarray:
         """Phasors: t_ns, va_re ... ic_im [V, A RMS, primary], frequency_hz, rocof_hz_per_s."""
-        return self.array(table.PHASORS.topic_for(relay))
+        return self.array(table.PHASORS.topic_for(relay), from_ns, to_ns)
 
-    def loops(self, relay: str) -> np.ndarray:
+    def loops(self, relay: str, from_ns: int | None = None, to_ns: int | None = None) -> np.ndarray:
         """Loop impedances: t_ns, ag_r ag_x ... ca_x [ohm, primary]."""
-        return self.array(table.LOOP_IMPEDANCES.topic_for(relay))
+        return self.array(table.LOOP_IMPEDANCES.topic_for(relay), from_ns, to_ns)
 
-    def elements(self, relay: str) -> np.ndarray:
+    def elements(self, relay: str, from_ns: int | None = None, to_ns: int | None = None) -> np.ndarray:
         """Element bit sets: t_ns, pickup, operate; ``bits`` names them."""
-        return self.array(table.ELEMENTS.topic_for(relay))
+        return self.array(table.ELEMENTS.topic_for(relay), from_ns, to_ns)
 
     def bits(self, relay: str) -> dict[str, tuple[str, ...]]:
-        """Names of the bits of ``pickup`` and ``operate``, lowest first."""
-        metadata = self.channel_metadata(table.ELEMENTS.topic_for(relay))
-        return {word: tuple(json.loads(metadata.get(f"{word}_bits", "[]"))) for word in ("pickup", "operate")}
+        """Names of the bits of ``pickup`` and ``operate``, lowest first; none where they cannot be read."""
+        topic = table.ELEMENTS.topic_for(relay)
+        found = {}
+        for word in ("pickup", "operate"):
+            names = self._channel_json(topic, f"{word}_bits", list)
+            if not all(isinstance(name, str) for name in names) or len(names) > 64:
+                self.warn(f"{topic}: its {word}_bits are no names: the elements of {relay} have none")
+                names = []
+            found[word] = tuple(names)
+        return found
 
     def characteristics(self, relay: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Per zone the ground and the phase polygon, each (k, 2) of R, X [ohm, primary]."""
-        metadata = self.channel_metadata(table.LOOP_IMPEDANCES.topic_for(relay))
-        zones = json.loads(metadata.get("characteristics", "{}"))
-        return {
-            zone: (np.array(shapes["ground"]).reshape(-1, 2), np.array(shapes["phase"]).reshape(-1, 2))
-            for zone, shapes in zones.items()
-        }
+        """Per zone the ground and the phase polygon, each (k, 2) of R, X [ohm, primary]; without those that
+        cannot be read."""
+        topic = table.LOOP_IMPEDANCES.topic_for(relay)
+        found = {}
+        for zone, shapes in self._channel_json(topic, "characteristics", dict).items():
+            try:
+                polygons = tuple(
+                    np.asarray(shapes[kind] or np.empty((0, 2)), dtype=np.float64).reshape(-1, 2)
+                    for kind in ("ground", "phase")
+                )
+                if not all(np.isfinite(polygon).all() for polygon in polygons):
+                    raise ValueError("infinite")
+            except (ValueError, TypeError, LookupError, OverflowError):
+                self.warn(f"{topic}: the characteristic of '{zone}' is no polygon and left out")
+            else:
+                found[zone] = polygons
+        return found
+
+    def _channel_json(self, topic: str, key: str, kind: type) -> Any:
+        """A channel's metadata that is JSON; empty, with a warning, where it is not of its kind."""
+        text = self.channel_metadata(topic).get(key)
+        if text is None:
+            return kind()
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            found = None
+        if not isinstance(found, kind):
+            self.warn(f"{topic}: its metadata '{key}' cannot be read and counts as absent")
+            return kind()
+        return found
 
     def channel_metadata(self, topic: str) -> dict[str, str]:
         """What the writer noted with a topic: units, bit names, characteristics."""
         return dict(self._channels[topic][0].metadata) if topic in self._channels else {}
 
-    def entries(self, *kinds: Message) -> list[Entry]:
+    def entries(self, *kinds: Message, from_ns: int | None = None, to_ns: int | None = None) -> list[Entry]:
         """The messages of these kinds from all their topics, by time."""
         found = []
         for topic in self.topics:
             message = message_of(topic)
             if message in kinds and message is not None:
                 names = [f.name for f in message.fields]
-                for row in self.array(topic).tolist():
+                for row in self.array(topic, from_ns, to_ns).tolist():
                     found.append(Entry(row[0], topic, dict(zip(names, row[1:], strict=True))))
         return sorted(found, key=lambda entry: entry.t_ns)
 
@@ -301,6 +310,14 @@ class Log:
     @property
     def can(self) -> list[Entry]:
         return self.entries(table.CAN_FRAME)
+
+
+def _joined(parts: list[np.ndarray], dtype: np.dtype) -> np.ndarray:
+    """One array of parts; as opaque bytes where it can be, since NumPy looks into structured rows."""
+    if dtype.hasobject or len(parts) < 2:
+        return np.concatenate(parts) if parts else np.empty(0, dtype)
+    opaque = f"V{dtype.itemsize}"
+    return np.concatenate([part.view(opaque) for part in parts]).view(dtype)
 
 
 def _records(content: bytes | memoryview, offsets: np.ndarray, dtype: np.dtype) -> np.ndarray | None:
@@ -339,13 +356,9 @@ def open_log(path: str | Path) -> Log:
     silently: that is ``recover_log``.
     """
     path = Path(path)
-    part = Path(f"{path}.part")  # with_name would refuse "." and "/"
     if not path.exists():
-        hint = (
-            f"; a run that was cut off left {part.name}: faultloop recover {path} OUT.mcap"
-            if part.exists()
-            else ""
-        )
+        left = ", ".join(part.name for part in parts_of(path))
+        hint = f"; a run that was cut off left {left}: faultloop recover {path} OUT.mcap" if left else ""
         raise InputError(f"no such file{hint}", file=path)
     data = map_file(path)
     if data[-len(MAGIC) :] != MAGIC or len(data) < 2 * len(MAGIC):

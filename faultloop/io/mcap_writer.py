@@ -6,8 +6,10 @@ closed, so a call costs a few array copies whatever its length.
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -16,6 +18,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Attachment
 
+from faultloop.errors import InputError
 from faultloop.io.mcap_file import LOG_RECORD, MESSAGE_HEAD, Buffer, McapFile
 from faultloop.io.messages import (
     BY_NAME,
@@ -29,6 +32,7 @@ from faultloop.io.messages import (
     Message,
     bit_names,
 )
+from faultloop.io.output_file import open_part
 from faultloop.io.schema import (
     HEAD,
     heads,
@@ -113,6 +117,10 @@ class RelayRows:
 class LogWriter:
     """Writes a run's log to ``<path>.part`` and renames it to ``path`` when it is closed whole.
 
+    Raises InputError where another run is writing the same log, where the path is no place for a file, and,
+    from whatever writes, where the disk is full or the device fails: ``failed`` is then true, nothing more is
+    written, and the part is left for ``recover_log``.
+
     Every chunk covers one window of 0.2 s of log time and is flushed when all relays have passed its end, or
     when one is 50 ms past it: a killed run loses at most the last 0.25 s (``recover_log``).  The bytes depend
     on what is written only, not on how it was cut into blocks, as long as no relay falls 50 ms behind.
@@ -137,9 +145,8 @@ class LogWriter:
         if start_ns < 0:
             raise ValueError(f"start_ns is {start_ns}; an MCAP log cannot begin before 1970")
         self.path, self.start_ns = Path(path), int(start_ns)
-        self.part = self.path.with_name(self.path.name + ".part")
-        self._stream = self.part.open("wb")
-        self._file = McapFile(self._stream, compression)
+        self.failed = False
+        self.part, self._stream = open_part(self.path)
         self._relays: dict[str, RelayRows] = {}
         self._seen: dict[str, int] = {}  # per relay, its newest time
         self._newest = 0
@@ -147,27 +154,52 @@ class LogWriter:
         self._channels: dict[str, tuple[int, Message]] = {}
         self._sequences: dict[int, int] = {}
         self._window = 0  # the windows before this one are written
-        self.add_metadata(LOG_RECORD, {"start_ns": str(self.start_ns)})
-        for name, values in (metadata or {}).items():
-            self.add_metadata(name, values)
-        for name, data in (attachments or {}).items():
-            self.add_attachment(name, data)
+        try:
+            with self._writing():
+                self._file = McapFile(self._stream, compression)
+            self.add_metadata(LOG_RECORD, {"start_ns": str(self.start_ns)})
+            for name, values in (metadata or {}).items():
+                self.add_metadata(name, values)
+            for name, data in (attachments or {}).items():
+                self.add_attachment(name, data)
+        except BaseException:
+            self._stream.raw.close()
+            self.part.unlink(missing_ok=True)  # no sample is in it
+            raise
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Where the file is written to: what goes wrong there ends the log."""
+        if self.failed:
+            raise self._failure("an earlier write failed")
+        try:
+            yield
+        except OSError as error:
+            self.failed = True
+            with contextlib.suppress(OSError):
+                self._stream.raw.close()  # not through the buffer: that would write again
+            raise self._failure(error.strerror or str(error)) from error
+
+    def _failure(self, why: str) -> InputError:
+        left = f"what is whole is in {self.part.name}: faultloop recover {self.part} OUT.mcap"
+        return InputError(f"cannot be written: {why}; {left}", file=self.path)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Writes a metadata record at once; a log may gain them while it is written."""
-        self._file.metadata(name, values)
+        with self._writing():
+            self._file.metadata(name, values)
 
     def add_attachment(self, name: str, data: str | bytes) -> None:
         """Writes an attachment at once."""
-        self._file.attachment(
-            Attachment(
-                create_time=0,
-                log_time=self.start_ns,
-                name=name,
-                media_type=MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream"),
-                data=data.encode() if isinstance(data, str) else data,
-            )
+        attachment = Attachment(
+            create_time=0,
+            log_time=self.start_ns,
+            name=name,
+            media_type=MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream"),
+            data=data.encode() if isinstance(data, str) else data,
         )
+        with self._writing():
+            self._file.attachment(attachment)
 
     def _channel(self, topic: str, message: Message, metadata: Mapping[str, str] | None = None) -> int:
         units = {field.name: field.unit for field in message.fields if field.unit}
@@ -279,7 +311,8 @@ class LogWriter:
             parts.append(packed.view(np.uint8).data)
             offset += packed.nbytes
         self._take_rare(stop_ns, offset, parts, index)
-        self._file.chunk(parts, index)
+        with self._writing():
+            self._file.chunk(parts, index)
 
     def _take_rare(
         self, stop_ns: int, offset: int, parts: list[Buffer], index: dict[int, np.ndarray]
@@ -297,15 +330,28 @@ class LogWriter:
     def close(self) -> Path:
         """Writes the rest and the summary, and gives the file its name."""
         self._write_until(None)
-        self._file.finish()
-        self._stream.close()
-        return self.part.replace(self.path)
+        with self._writing():
+            self._file.finish()
+            self._stream.close()
+            return self.part.replace(self.path)
 
     def abort(self) -> Path:
-        """Writes what is held and leaves ``<path>.part`` without a summary, for ``recover_log``."""
-        self._write_until(None)
-        self._stream.close()
+        """Writes what is held and leaves ``<path>.part`` without a summary, for ``recover_log``.
+
+        After a failed write, and where one fails now, it writes nothing more and raises nothing.
+        """
+        if not self.failed:
+            with contextlib.suppress(InputError):
+                self._write_until(None)
+                with self._writing():
+                    self._stream.close()
         return self.part
+
+    def discard(self) -> None:
+        """Ends without a log; only what a failed write has left stays, for ``recover_log``."""
+        self.abort()
+        if not self.failed:
+            self.part.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self

@@ -251,7 +251,7 @@ def values(rows: np.ndarray) -> np.ndarray:
     """The float fields of an every-sample array as one matrix (n, k), without a copy."""
     names = rows.dtype.names or ()
     first = next(place for place, name in enumerate(names) if rows.dtype[name] == np.float64)
-    return rows.view("<f8").reshape(len(rows), -1)[:, first:]
+    return rows.view("<f8").reshape(len(rows), rows.dtype.itemsize // 8)[:, first:]
 
 
 def source_of(topic: str) -> str:

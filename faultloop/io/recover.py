@@ -5,19 +5,21 @@ from __future__ import annotations
 import struct
 import zlib
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
-import lz4.frame
 import numpy as np
-import zstandard
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
+from mcap_protobuf.decoder import DecoderFactory
 
 from faultloop.errors import InputError
 from faultloop.io.mcap_file import (
     COMPRESSORS,
     DAMAGE,
+    FOOTER_SIZE,
     LOG_RECORD,
     MAGIC,
     MESSAGE_HEAD,
@@ -26,12 +28,18 @@ from faultloop.io.mcap_file import (
     ChunkHead,
     McapFile,
     Raw,
+    check_size,
     decompress,
+    forget_pages,
     parse,
+    unpack,
     walk,
 )
-from faultloop.io.mcap_reader import map_file
+from faultloop.io.mcap_reader import MOST_NS, map_file
+from faultloop.io.messages import message_of
+from faultloop.io.output_file import parts_of, write_aside
 
+FORGET_BYTES = 1 << 26  # of the source, after which its pages are given back
 LOOSE_BYTES = 1 << 20  # messages outside of chunks are put into chunks of about this size
 
 
@@ -41,7 +49,8 @@ class Recovered:
 
     Attributes
     ----------
-    source, out : file read (the ``.part`` that a killed run leaves, if there is no log), file written.
+    source, out : file read (the newest ``.part`` that killed runs left, if there is no log), file written.
+    others : older ``.part`` files of the same log, which are not in it.
     whole : the source was complete; nothing was lost.
     messages : number of messages brought back, per topic.
     last_t_ns : time of the last of them [ns since the start of the run], None without messages.
@@ -51,6 +60,7 @@ class Recovered:
 
     source: Path
     out: Path
+    others: tuple[Path, ...] = ()
     whole: bool = False
     messages: Counter[str] = field(default_factory=Counter)
     last_t_ns: int | None = None
@@ -63,7 +73,8 @@ class Recovered:
         cut = f"; the last record was cut off after {self.cut_bytes} bytes" if self.cut_bytes else ""
         damaged = f"; {self.damaged} damaged records left out" if self.damaged else ""
         topics = len(self.messages)
-        return f"{self.source} -> {self.out}: {count} messages on {topics} topics{last}{cut}{damaged}"
+        others = f"; not taken, as older: {', '.join(map(str, self.others))}" if self.others else ""
+        return f"{self.source} -> {self.out}: {count} messages on {topics} topics{last}{cut}{damaged}{others}"
 
 
 class Salvage:
@@ -72,19 +83,27 @@ class Salvage:
     def __init__(self, result: Recovered, target: McapFile) -> None:
         self.result, self.target = result, target
         self.topics: dict[int, str] = {}
-        self.schemas: set[int] = {0}
+        self.counts: Counter[int] = Counter()  # messages written, by channel
+        self.schemas: dict[int, Schema | None] = {0: None}
         self.start_ns: int | None = None
         self.first_ns = self.last_ns = -1
+        self.decoders = DecoderFactory()
+        self.decode: dict[int, Callable[[bytes], object] | None] = {}  # of our topics, by channel
         self.parts: list[Buffer] = []  # of the chunk in the making
         self.places: dict[int, list[tuple[int, int]]] = {}
         self.size = 0
 
-    def take(self, records: Buffer) -> int:
-        """Copies the whole and sound records of a chunk's content; returns where they end."""
+    def take(self, records: Buffer, *, sealed: bool) -> int:
+        """Copies the whole and sound records of a chunk's content; returns where they end.
+
+        What no checksum has sealed is looked into, message by message.
+        """
         begin = end = 0
         for record in walk(records):
             end = record.stop
-            if not self._sound(record, records, self.size - begin):
+            if not self._sound(record, records, self.size - begin) or not (
+                sealed or self._readable(record, records)
+            ):
                 self.result.damaged += 1
                 self._keep(records, begin, record.start - RECORD_HEAD.size)
                 begin = end
@@ -96,6 +115,32 @@ class Salvage:
             self.parts.append(records[begin:end])
             self.size += end - begin
 
+    def _readable(self, record: Raw, records: Buffer) -> bool:
+        """Whether a message of ours is what its schema says.  Called after ``_sound``."""
+        if record.opcode != Opcode.MESSAGE:
+            return True
+        offset = record.start - RECORD_HEAD.size
+        _, _, channel, _, _, _ = MESSAGE_HEAD.unpack_from(records, offset)
+        try:
+            decode = self.decode.get(channel)
+            if decode is not None:
+                decode(bytes(records[offset + MESSAGE_HEAD.size : record.stop]))
+        except DAMAGE:
+            self.places[channel].pop()
+            if not self.places[channel]:
+                del self.places[channel]
+            return False
+        return True
+
+    def _decoder(self, channel: Channel) -> Callable[[bytes], object] | None:
+        schema = self.schemas[channel.schema_id]
+        if message_of(channel.topic) is None:
+            return None
+        decode = self.decoders.decoder_for(channel.message_encoding, schema)
+        if decode is None:
+            raise ValueError("encoding")
+        return decode
+
     def _sound(self, record: Raw, records: Buffer, shift: int) -> bool:
         """Whether a record can be kept; notes the place (its own plus ``shift``) of a message that can."""
         try:
@@ -104,16 +149,19 @@ class Salvage:
                 _, length, channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(records, offset)
                 if length < MESSAGE_HEAD.size - RECORD_HEAD.size or channel not in self.topics:
                     return False
+                if log_ns > MOST_NS:
+                    return False
                 self.places.setdefault(channel, []).append((log_ns, offset + shift))
                 self.last_ns = max(self.last_ns, log_ns)
             elif record.opcode == Opcode.SCHEMA:
                 schema: Schema = parse(Schema, records[record.start : record.stop])
-                self.schemas.add(schema.id)
+                self.schemas[schema.id] = schema
                 self.target.declare(schema)
             elif record.opcode == Opcode.CHANNEL:
                 channel_record: Channel = parse(Channel, records[record.start : record.stop])
                 if channel_record.schema_id not in self.schemas:
                     return False
+                self.decode[channel_record.id] = self._decoder(channel_record)
                 self.topics[channel_record.id] = channel_record.topic
                 self.target.declare(channel_record)
         except DAMAGE:
@@ -125,6 +173,7 @@ class Salvage:
         if not self.places:
             return
         for channel, pairs in self.places.items():
+            self.counts[channel] += len(pairs)
             self.result.messages[self.topics[channel]] += len(pairs)
             self.first_ns = min(pairs[0][0], self.first_ns) if self.first_ns >= 0 else pairs[0][0]
         self.target.chunk(self.parts, {c: np.array(pairs, np.uint64) for c, pairs in self.places.items()})
@@ -141,7 +190,8 @@ class Salvage:
             self.result.damaged += 1
             return
         self.flush()
-        self.take(records)
+        end = self.take(records, sealed=bool(head.crc))
+        self.result.damaged += end != len(records)  # what follows is no record
         self.flush()
 
     def cut_chunk(self, content: memoryview) -> None:
@@ -153,16 +203,16 @@ class Salvage:
         if head.stop <= len(content):  # all there: it is the record's length that is wrong
             self.chunk(content)
             return
-        data = content[head.start :]
+        data: Buffer = content[head.start :]
         try:
-            if head.compression == "zstd":
-                data = zstandard.ZstdDecompressor().decompressobj().decompress(data)
-            elif head.compression == "lz4":
-                data = lz4.frame.LZ4FrameDecompressor().decompress(data)
-        except (RuntimeError, zstandard.ZstdError, MemoryError):
+            check_size(head.size, head.stop - head.start)
+            if head.compression:
+                data = unpack(head.compression, data, head.size)
+        except DAMAGE:
+            self.result.damaged += 1
             return
         self.flush()
-        self.take(data[: head.size])
+        self.take(data[: head.size], sealed=False)
         self.flush()
 
     def other(self, record: Raw, data: memoryview) -> None:
@@ -179,10 +229,15 @@ class Salvage:
                 if crc and crc != zlib.crc32(content[:-4]):
                     raise ValueError("checksum")
                 self.target.attachment(parse(Attachment, content))
+            elif record.opcode == Opcode.MESSAGE_INDEX:  # made anew; but no other record may pass for one
+                if struct.unpack_from("<I", content, 2) != (len(content) - 6,) or (len(content) - 6) % 16:
+                    raise ValueError("index")
             elif record.opcode in (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL):
-                self.take(data[record.start - RECORD_HEAD.size : record.stop])
+                self.take(data[record.start - RECORD_HEAD.size : record.stop], sealed=False)
                 if self.size > LOOSE_BYTES:
                     self.flush()
+            elif record.opcode != Opcode.HEADER or record.start != len(MAGIC) + RECORD_HEAD.size:
+                raise ValueError("kind")
         except DAMAGE:
             self.result.damaged += 1
 
@@ -190,28 +245,22 @@ class Salvage:
 def recover_log(broken: str | Path, out: str | Path) -> Recovered:
     """Writes to ``out`` a complete log of everything whole in ``broken``.
 
-    If ``broken`` does not exist, ``broken.part`` (what a killed run leaves) is taken.  A complete log of
-    faultloop comes out as the same bytes.  Raises InputError if the input cannot be read, is not MCAP, or is
-    the output.
+    If ``broken`` does not exist, the newest ``broken.part``, ``broken.2.part`` ... (what killed runs leave)
+    is taken.  A complete log of faultloop comes out as the same bytes.  Raises InputError if the input cannot
+    be read, is not MCAP, or is the output.
     """
     source, out = Path(broken), Path(out)
-    part = Path(f"{source}.part")
-    if not source.exists() and part.exists():
-        source = part
-    data = memoryview(map_file(source))
+    parts = [] if source.exists() else parts_of(source)
+    if parts:
+        source = parts[0]
+    mapped = map_file(source)
+    data = memoryview(mapped)
     if out.exists() and out.samefile(source):
         raise InputError("is the output too; give another output file", file=source)
-    if out.exists() and not out.is_file():
-        raise InputError("is no regular file; a log needs a file's name", file=out)
-    aside = out.with_name(out.name + ".recovering")  # not .part: that may be the source
-    result = Recovered(source, out)
-    try:
-        with aside.open("wb") as stream:
-            _salvage(data, Salvage(result, McapFile(stream, _compression(data))))
-    except OSError as error:
-        aside.unlink(missing_ok=True)
-        raise InputError(f"cannot be written: {error.strerror}", file=aside) from error
-    aside.replace(out)
+    result = Recovered(source, out, others=tuple(parts[1:]))
+    with write_aside(out) as aside, aside.open("wb") as stream:
+        salvage = Salvage(result, McapFile(stream, _compression(data)))
+        _salvage(data, salvage, partial(forget_pages, mapped))
     return result
 
 
@@ -227,17 +276,24 @@ def _compression(data: memoryview) -> str:
     return ""
 
 
-def _salvage(data: memoryview, salvage: Salvage) -> None:
-    result, end = salvage.result, len(MAGIC)
+def _salvage(data: memoryview, salvage: Salvage, forget: Callable[[int, int], None]) -> None:
+    result, end, seen = salvage.result, len(MAGIC), 0
     for record in walk(data, len(MAGIC)):
         end = record.stop
-        if record.opcode == Opcode.DATA_END:  # what follows is the summary, which is made anew
-            result.whole = data[-len(MAGIC) :] == MAGIC and result.damaged == 0
+        if _ends_the_data(record, data):  # what follows is the summary, which is made anew
+            salvage.flush()
+            closed = data[-len(MAGIC) :] == MAGIC
+            result.damaged += _missing(data, end, salvage) if closed else 0
+            result.whole = closed and result.damaged == 0
+            result.cut_bytes = 0 if closed else len(data) - end
             break
         if record.opcode == Opcode.CHUNK:
             salvage.chunk(data[record.start : record.stop])
         else:
             salvage.other(record, data)
+        if end - seen > FORGET_BYTES and not salvage.parts:
+            forget(seen, end)
+            seen = end
     else:
         result.cut_bytes = len(data) - end
         if len(data) - end > RECORD_HEAD.size and data[end] == Opcode.CHUNK:
@@ -250,3 +306,28 @@ def _salvage(data: memoryview, salvage: Salvage) -> None:
     if salvage.last_ns >= 0:
         start_ns = salvage.start_ns if salvage.start_ns is not None else salvage.first_ns
         result.last_t_ns = salvage.last_ns - start_ns
+
+
+def _ends_the_data(record: Raw, data: memoryview) -> bool:
+    """Whether a record is the DataEnd of a file: behind it is a summary, whole or cut off, and no message."""
+    if record.opcode != Opcode.DATA_END or record.stop - record.start != 4:
+        return False
+    messages = (Opcode.CHUNK, Opcode.MESSAGE, Opcode.DATA_END)
+    return all(after.opcode not in messages for after in walk(data, record.stop))
+
+
+def _missing(data: memoryview, begin: int, salvage: Salvage) -> int:
+    """How many channels have fewer messages than a sound summary counts."""
+    footer = len(data) - len(MAGIC) - FOOTER_SIZE
+    opcode, length, start, _, crc = struct.unpack_from("<BQQQI", data, footer)
+    if (opcode, length) != (Opcode.FOOTER, FOOTER_SIZE - RECORD_HEAD.size):
+        return 1
+    if not start:
+        return 0
+    if start != begin or (crc and zlib.crc32(data[begin : footer + FOOTER_SIZE - 4]) != crc):
+        return 1  # the summary itself
+    for record in walk(data, begin):
+        if record.opcode == Opcode.STATISTICS:
+            wanted = parse(Statistics, data[record.start : record.stop]).channel_message_counts
+            return sum(salvage.counts[channel] < count for channel, count in wanted.items())
+    return 0

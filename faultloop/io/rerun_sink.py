@@ -34,6 +34,7 @@ from faultloop.io.messages import (
     message_of,
     source_of,
 )
+from faultloop.io.output_file import open_part
 from faultloop.io.rerun_view import (
     CLOCK,
     LOCUS_HZ,
@@ -109,11 +110,8 @@ class RerunSink:
             self.url = f"rerun+http://127.0.0.1:{GRPC_PORT}/proxy"
         elif target.endswith(".rrd"):
             self._file = Path(target)
-            self._part = self._file.with_name(self._file.name + ".part")
-            try:
-                self._part.open("wb").close()
-            except OSError as error:
-                raise InputError(f"cannot be written: {error.strerror}", file=target) from error
+            self._part, stream = open_part(self._file)
+            stream.close()
             self._connect(self._rr.FileSink(str(self._part)), "cannot be written")
         elif target.startswith(("rerun://", "rerun+http://", "rerun+https://")):
             where = urlsplit(target.replace("rerun+", "").replace("rerun://", "https://"))
@@ -227,7 +225,10 @@ class RerunSink:
         self.flush()
         if self._file is not None:
             self._stream.disconnect()
-            self._part.replace(self._file)
+            try:
+                self._part.replace(self._file)
+            except OSError as error:
+                raise InputError(f"cannot be written: {error.strerror}", file=self._file) from error
 
     def wait(self) -> None:
         """Serves until the user interrupts; returns at once if this sink is no server."""

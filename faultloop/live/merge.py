@@ -11,6 +11,7 @@ from faultloop.errors import InputError
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import CHUNK_NS, LogWriter
 from faultloop.io.messages import SAMPLED, message_of, values
+from faultloop.io.output_file import parts_of
 from faultloop.io.recover import recover_log
 from faultloop.loop.recording import Attachments, Metadata
 
@@ -35,13 +36,12 @@ def merge(
 
 
 def _opened(path: Path) -> tuple[Log | None, str | None]:
-    part = path.with_name(path.name + ".part")
     if path.exists():
         return open_log(path), None
-    if not part.exists():
+    if not parts_of(path):
         return None, f"{path.stem} left no log"
     try:
-        recovered = recover_log(part, path)
+        recovered = recover_log(path, path)
     except InputError as error:
         return None, f"{path.stem}'s log cannot be recovered: {error.what}"
     return open_log(path), f"{path.stem}'s log recovered: {sum(recovered.messages.values())} messages"

@@ -16,6 +16,7 @@ from faultloop.io.can.frames import Frame, Rejection, State
 from faultloop.io.can.table import BY_IDENTIFIER, PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
+from faultloop.io.output_file import new_folder, reserved
 from faultloop.live.child import Child, ended_how
 from faultloop.live.clock import RunClock
 from faultloop.live.link import Link, open_link
@@ -369,22 +370,29 @@ def run_processes(
     path = Path(log) if log is not None else Path("logs") / f"{Path(checked.path or 'run').stem}.mcap"
     check_log_path(path)
     started = time.perf_counter()
-    supervisor = Supervisor(checked, can, pace, without, path.with_name(path.name + ".nodes"), overrides)
-    try:
-        with interruptible(supervisor):
-            clock = supervisor.begin()
-            supervisor.run(progress)
-            supervisor.finish()
-        pacing = supervisor.pacing()
-    finally:
-        supervisor.close()
-        if supervisor.clock is None:  # it never began: there is nothing to keep
-            shutil.rmtree(supervisor.folder, ignore_errors=True)
-    metadata, attachments = describe(checked, settings, overrides, without)
-    metadata["processes"] = {"pace": f"{pace:g}", "bus": supervisor.bus, "without": " ".join(without)}
-    metadata["pacing"] = {"json": json.dumps(asdict(pacing))}
-    merge(supervisor.logs, path, clock.start_ns, metadata, attachments)
-    shutil.rmtree(supervisor.folder)
+    with reserved(path):
+        folder = new_folder(path.with_name(path.name + ".nodes"))
+        try:
+            supervisor = Supervisor(checked, can, pace, without, folder, overrides)
+        except BaseException:
+            folder.rmdir()
+            raise
+        try:
+            with interruptible(supervisor):
+                clock = supervisor.begin()
+                supervisor.run(progress)
+                supervisor.finish()
+            pacing = supervisor.pacing()
+        finally:
+            supervisor.close()
+            if supervisor.clock is None:  # it never began: there is nothing to keep
+                shutil.rmtree(folder, ignore_errors=True)
+        metadata, attachments = describe(checked, settings, overrides, without)
+        metadata["processes"] = {"pace": f"{pace:g}", "bus": supervisor.bus, "without": " ".join(without)}
+        metadata["pacing"] = {"json": json.dumps(asdict(pacing))}
+        merge(supervisor.logs, folder / path.name, clock.start_ns, metadata, attachments)
+        (folder / path.name).replace(path)
+        shutil.rmtree(folder)
     if supervisor.broken is not None:
         raise supervisor.broken
     merged = open_log(path)

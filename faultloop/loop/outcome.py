@@ -6,7 +6,6 @@ processes those of their merged logs: so all three say the same of the same mess
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -16,6 +15,7 @@ from faultloop.io.can.frames import Frame, State
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import LEVELS, POLES, source_of
+from faultloop.loop.recorded import recorded_scenario
 from faultloop.loop.scenario import Scenario
 
 
@@ -102,17 +102,11 @@ class Cast(NamedTuple):
     @classmethod
     def of_log(cls, log: Log) -> Cast:
         """From what the run has put into its log; relays by name alone where it has put nothing."""
-        about = log.metadata.get("scenario", {})
-        try:
-            scenario = json.loads(about.get("json", "{}"))
-        except ValueError:
-            scenario = {}
-        places, faults = scenario.get("relay", ()), scenario.get("fault", ())
-        breakers = {place["name"]: place.get("breaker") for place in places}
-        without = about.get("without")
+        scenario, without = recorded_scenario(log), log.metadata.get("scenario", {}).get("without")
+        breakers = {place["name"]: place.get("breaker") for place in scenario["relay"]}
         return cls(
             breakers or dict.fromkeys(log.relays),
-            [fault.get("name", "") for fault in faults],
+            [fault.get("name", "") for fault in scenario["fault"]],
             None if without is None else frozenset(without.splitlines()),
         )
 

@@ -22,6 +22,7 @@ from faultloop.io.messages import (
     array_dtype,
     values,
 )
+from faultloop.io.output_file import check_target
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes.block import RelayBlock
 from faultloop.nodes.clock import SampleClock
@@ -194,9 +195,7 @@ def check_log_path(path: Path) -> None:
     """InputError where a log must not or cannot go: another suffix might be an input, a device no file."""
     if path.suffix.lower() != ".mcap":
         raise InputError(f"a log's name must end in .mcap, as in {path.stem or 'run'}.mcap", file=path)
-    if path.exists() and not path.is_file():
-        kind = "a folder" if path.is_dir() else "no regular file"
-        raise InputError(f"is {kind}; a log needs a file's name", file=path)
+    check_target(path)
 
 
 class Streams(NamedTuple):
@@ -235,9 +234,11 @@ def open_streams(
     try:
         Path(log).parent.mkdir(parents=True, exist_ok=True)
         return Streams(LogWriter(log, start_ns, metadata, attachments), stream)
-    except OSError as error:
+    except (OSError, InputError) as error:
         if stream is not None:
             stream.abort()
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"cannot be written ({error.strerror or error})", file=log) from None
 
 

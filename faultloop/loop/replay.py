@@ -16,6 +16,7 @@ from faultloop.io.mcap_reader import open_log
 from faultloop.loop.outcome import EventText, pole_names
 from faultloop.loop.played import Choices, Played, from_comtrade, from_log
 from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
+from faultloop.loop.runner import interruptible
 from faultloop.relay import Relay, RelayInputs, RelaySettings, load_settings
 from faultloop.relay.named_code import refuse_user_code
 
@@ -52,6 +53,7 @@ class ReplayResult:
     first_pickup_ns, first_operate_ns : by bit name, of those that ever were on.
     fault_location : per unit of the line; NaN where none was found.
     notes : how the record was read and played; warnings : what makes the result doubtful.
+    interrupted : ended by Ctrl-C before the record's end; the log is whole.
     """
 
     record: Path
@@ -67,6 +69,7 @@ class ReplayResult:
     log: Path | None
     memory: MemorySink | None = None
     rerun: RerunSink | None = None
+    interrupted: bool = False
 
     def samples(self) -> np.ndarray:
         """Sampled values (n,), as the relay saw them."""
@@ -90,6 +93,7 @@ class ReplayResult:
         return {
             "record": str(self.record),
             "duration_s": self.duration_ns / 1e9,
+            "interrupted": self.interrupted,
             "log": None if self.log is None else str(self.log),
             "tripped": bool(self.trips),
             "trips": [
@@ -178,14 +182,14 @@ def replay(
         streams.rerun,
     )
     try:
-        _Playing(relay, played, recorder, result).run()
-    except KeyboardInterrupt:
-        recorder.close()  # whole, as far as it came
-        raise
+        with interruptible(result):
+            _Playing(relay, played, recorder, result).run()
+        recorder.close()  # interrupted: whole, as far as it came
     except BaseException:
         recorder.abort()
+        if streams.log is not None:
+            streams.log.discard()
         raise
-    recorder.close()
     return result
 
 
@@ -217,6 +221,8 @@ class _Playing:
         for warning in self.played.warnings:
             self._tell(begin_ns, "warning", warning)
         for first, stop in self.played.pieces:
+            if self.result.interrupted:
+                break
             number = int(self.played.numbers[first])
             self.relay.restore(self._cold)
             self.relay.sample_count = number
@@ -231,7 +237,7 @@ class _Playing:
         numbers, samples = self.played.numbers, self.played.samples
         turn = self._turn(int(numbers[first]))
         k = first
-        while k < stop:
+        while k < stop and not self.result.interrupted:
             self._move_breaker(int(numbers[k]))
             last = min(k + BLOCK, stop)
             if self.moved < len(self._moves):

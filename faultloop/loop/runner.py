@@ -88,15 +88,15 @@ def run(
         try:
             with interruptible(simulation):
                 simulation.run(progress)
-        except InputError:  # a user's element or bus: nothing half-made stays behind
+            recorder.close()
+        except InputError:  # a user's element or bus: nothing half-made stays behind; a full disk: the part
             recorder.abort()
             if streams.log is not None:
-                streams.log.part.unlink(missing_ok=True)
+                streams.log.discard()
             raise
         except BaseException:
             recorder.abort()
             raise
-        recorder.close()
         wall_s = time.perf_counter() - started
         load = bus.load(simulation.simulated_ns)
     result = Result.of(

@@ -17,8 +17,10 @@ from plotly.subplots import make_subplots
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import CHANNELS, LOOPS
 from faultloop.io.output_file import write_aside
+from faultloop.review.plotly_config import CONFIG
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import line_impedance
+from faultloop.review.survey import survey
 from faultloop.review.text import Rows, can_text, headline, tables
 from faultloop.review.view import (
     KIND_COLOURS,
@@ -26,9 +28,9 @@ from faultloop.review.view import (
     PHASE_COLOURS,
     RelayView,
     extent_ohm,
+    fault_view,
     locus_ms,
     markers,
-    relay_view,
     thinned,
     window_ms,
     zone_shapes,
@@ -38,14 +40,6 @@ Summary = dict[str, Any]
 
 POINTS = 4000  # of a wave outside the fault's window; inside, every sample is there
 MOST_INSIDE = 20_000  # samples of the window that are all there
-CONFIG = {
-    "responsive": True,
-    "displaylogo": False,
-    "scrollZoom": True,
-    "showSendToCloud": False,  # no button that would send a record to somebody else's server
-    "plotlyServerURL": "",
-}
-
 PAGE = Template("""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>$title</title>
@@ -98,8 +92,8 @@ def _body(log: Log, summary: Summary, title: str) -> Iterable[str]:
         if not summary["relays"][name]["samples"]:
             yield "<p>No samples in the log.</p>"
             continue
-        view = relay_view(relay_rows(log, name), summary)
-        yield _div(waves(view, summary), f"waves{place}")
+        view = fault_view(log, name, summary)
+        yield _div(waves(view, summary, outline(log, view)), f"waves{place}")
         yield _div(plane(view, summary, log), f"plane{place}")
     events: Rows = [(f"{e['ms']:.3f}", e["source"], e["level"], e["text"]) for e in summary["events"]]
     if events:
@@ -122,6 +116,28 @@ def _div(figure: go.Figure, name: str) -> str:
     return figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=CONFIG)
 
 
+Outline = list[tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""Time [ms] and value of the record outside of the fault's window, thinned: of each wave, then of its RMS."""
+
+
+def outline(log: Log, view: RelayView) -> Outline:
+    """Of the whole record, from one pass over it in stretches."""
+    name, whole = view.rows.name, survey(log, view.rows.name)
+    zero = int(view.rows.t_ns[0]) - round(1e6 * view.ms[0]) if len(view.rows) else 0
+    found: list[list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = [[] for _ in range(12)]
+    for span in log.windows():
+        rows = relay_rows(log, name, *span)
+        outside = np.ones(len(rows), bool)
+        if len(view.rows):
+            outside = (rows.t_ns < view.rows.t_ns[0]) | (rows.t_ns > view.rows.t_ns[-1])
+        ms = (rows.t_ns[outside] - zero) / 1e6
+        points = max(8, round(POINTS * len(rows) / max(whole.count, 1)))
+        for into, y in zip(found, np.hstack([rows.samples, np.abs(rows.phasors)])[outside].T, strict=True):
+            keep = thinned(y, points) if len(y) else np.empty(0, np.int64)
+            into.append((ms[keep], y[keep]))
+    return [(np.concatenate([ms for ms, _ in own]), np.concatenate([y for _, y in own])) for own in found]
+
+
 def kept(y: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Indices of y (n,) that the page shows: all of the window, the outline of the rest."""
     window = np.flatnonzero(inside)
@@ -131,7 +147,7 @@ def kept(y: NDArray[np.float64], inside: NDArray[np.bool_]) -> NDArray[np.int64]
     return np.union1d(window, rest[thinned(y[rest], POINTS)] if len(rest) else rest)
 
 
-def waves(view: RelayView, summary: Summary) -> go.Figure:
+def waves(view: RelayView, summary: Summary, outside: Outline | None = None) -> go.Figure:
     """Voltages, currents, their phasors' magnitudes and the timeline over one time axis."""
     heights = [1, 1, 0.7, 0.7, 0.13 * max(len(view.timeline), 4)]
     figure = make_subplots(5, 1, shared_xaxes=True, vertical_spacing=0.022, row_heights=heights)
@@ -143,8 +159,11 @@ def waves(view: RelayView, summary: Summary) -> go.Figure:
         wave, size = view.rows.samples[:, k] / 1e3, np.abs(view.rows.phasors[:, k]) / 1e3
         for y, place, name in ((wave, row, channel), (size, row + 2, f"{channel} RMS")):
             keep = kept(y, inside)
+            ms, y = view.ms[keep], y[keep]
+            if outside is not None:
+                ms, y = _with_outline((ms, y), outside[k + (6 if place > 2 else 0)])
             figure.add_scatter(
-                x=view.ms[keep], y=y[keep].astype(np.float32), name=name,
+                x=ms, y=y.astype(np.float32), name=name,
                 line={"color": colour, "width": 1.4}, hovertemplate=f"%{{y:.4f}} {unit}",
                 row=place, col=1, showlegend=place < 3, legendgroup=channel,
             )  # fmt: skip
@@ -168,6 +187,16 @@ def waves(view: RelayView, summary: Summary) -> go.Figure:
         legend={"orientation": "h", "y": 1.04, "yanchor": "bottom", "x": 0}, barmode="overlay",
     )  # fmt: skip
     return figure
+
+
+def _with_outline(
+    own: tuple[NDArray[np.float64], NDArray[np.float64]],
+    rest: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A window's points, and those of the rest of the record [V, A] before and behind it."""
+    ms, y = np.concatenate([own[0], rest[0]]), np.concatenate([own[1], rest[1] / 1e3])
+    order = np.argsort(ms, kind="stable")
+    return ms[order], y[order]
 
 
 def _add_timeline(figure: go.Figure, view: RelayView) -> None:

@@ -17,7 +17,6 @@ from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import POLES
 from faultloop.io.output_file import write_aside
 from faultloop.review.impedance_plane import impedance_plane
-from faultloop.review.rows import relay_rows
 from faultloop.review.summary import line_impedance
 from faultloop.review.text import fault_text
 from faultloop.review.view import (
@@ -27,8 +26,8 @@ from faultloop.review.view import (
     Kind,
     RelayView,
     TimelineRow,
+    fault_view,
     markers,
-    relay_view,
     thinned,
     window_ms,
 )
@@ -82,7 +81,7 @@ def draw(log: Log, summary: Summary) -> Figure:
     if not names:
         figure.text(0.5, 0.5, "The log has no relay with samples.", ha="center", color=FAINT, size=14)
         return figure
-    views = [relay_view(relay_rows(log, name), summary) for name in names]
+    views = [fault_view(log, name, summary) for name in names]
     edges = {"left": 0.065 if columns == 1 else 0.05, "right": 0.985, "top": 0.872, "bottom": 0.05}
     grid = figure.add_gridspec(1, columns, wspace=0.14, **edges)
     tallest = max(4, *(len(_drawn_rows(view, window_ms(summary))) for view in views))

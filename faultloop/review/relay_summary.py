@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.io.mcap_reader import Entry
+from faultloop.io.mcap_reader import Entry, Log
 from faultloop.io.messages import CHANNELS, LOOPS, POLES
 from faultloop.loop.outcome import TripReport
-from faultloop.review.rows import RelayRows, faulted_loop, last_before, steadiest
+from faultloop.review.rows import RelayRows, faulted_loop, last_before, relay_rows, steadiest
+from faultloop.review.survey import Survey
 
 Summary = dict[str, Any]
+BEFORE_NS, AFTER_NS = 2_000_000_000, 10_000_000_000
+"""Around the inception, what is looked at sample by sample."""
 
 
 def after_ms(t_ns: int | None, zero: int) -> float | None:
@@ -30,18 +33,24 @@ def closed_poles(entry: Entry) -> str:
     return "".join(pole for pole in POLES if entry.fields[f"pole_{pole.lower()}"])
 
 
-def relay_facts(rows: RelayRows) -> dict[str, Any]:
+def relay_facts(whole: Survey) -> dict[str, Any]:
     return {
-        "samples": len(rows),
-        "sampling_hz": number(rows.sampling_hz),
-        "first_ns": int(rows.t_ns[0]) if len(rows) else None,
-        "last_ns": int(rows.t_ns[-1]) if len(rows) else None,
+        "samples": len(whole),
+        "sampling_hz": number(whole.sampling_hz),
+        "first_ns": whole.first_ns,
+        "last_ns": whole.last_ns,
     }
 
 
-def trip_report(trip: TripReport, zero: int) -> dict[str, Any]:
-    """A trip on its way: decided, received by the breaker, poles open."""
+def trip_report(trip: TripReport, zero: int, faults: list[dict[str, Any]]) -> dict[str, Any]:
+    """A trip on its way: decided, received by the breaker, poles open; and the fault that it answers, the
+    last that was applied before it."""
+    before = [fault for fault in faults if fault["on_ns"] <= trip.t_ns]
+    fault = max(before, key=lambda fault: fault["on_ns"], default=None)
     return {
+        "fault": None if fault is None else fault.get("name", str(fault["fault"])),
+        "fault_on_ms": None if fault is None else fault["on_ms"],
+        "after_fault_ms": None if fault is None else after_ms(trip.received_ns, fault["on_ns"]),
         "function": trip.function,
         "zone": trip.zone,
         "loop": trip.loop,
@@ -60,24 +69,26 @@ def trip_report(trip: TripReport, zero: int) -> dict[str, Any]:
 
 
 def measured(
-    rows: RelayRows, summary: Summary, own: dict[str, Any], context: tuple[float, complex | None]
+    log: Log, whole: Survey, summary: Summary, own: dict[str, Any], context: tuple[float, complex | None]
 ) -> dict[str, Any]:
     """Elements, phasors before and in the fault, the faulted loop, peaks, frequency."""
     cycle_ns, z1 = context
     zero = summary["inception"]["t_ns"]
     own["cleared_ns"] = _cleared_ns(summary, own)
-    before, during = _instants(rows, summary, own, cycle_ns)
+    centre = zero if zero is not None else whole.last_ns or 0
+    rows = relay_rows(log, whole.name, centre - BEFORE_NS, centre + AFTER_NS)
+    before, during = _instants((rows, whole), summary, own, cycle_ns)
     reference = None
     for index in (before, during):
         if index is not None and reference is None and abs(rows.phasors[index, 0]) > 0:
             reference = float(np.angle(rows.phasors[index, 0]))
     return {
-        "elements": _elements(rows, zero or 0),
+        "elements": _elements(whole, zero or 0),
         "prefault": _phasors(rows, before, zero, reference),
         "fault": _phasors(rows, during, zero, reference),
         "loop": _loop(rows, during, summary, own["trips"], z1),
         "load_ohm": _load(rows, before),
-        "peak_current": {name: _peak(rows, k, zero) for k, name in enumerate(CHANNELS[3:], 3)},
+        "peak_current": {name: _peak(whole, k, zero) for k, name in enumerate(CHANNELS[3:], 3)},
         "frequency_hz": {
             "prefault": None if before is None else number(rows.frequency[before]),
             "fault": None if during is None else number(rows.frequency[during]),
@@ -118,7 +129,7 @@ def _changes(summary: Summary) -> list[int]:
 
 
 def _instants(
-    rows: RelayRows, summary: Summary, own: dict[str, Any], cycle_ns: float
+    seen: tuple[RelayRows, Survey], summary: Summary, own: dict[str, Any], cycle_ns: float
 ) -> tuple[int | None, int | None]:
     """Rows just before the fault and where the fault state was steadiest; None where there is none.
 
@@ -127,12 +138,14 @@ def _instants(
     it: the estimators' window.  A record without breakers says only by the elements' reset when the fault was
     over.
     """
+    rows, whole = seen
     zero = summary["inception"]["t_ns"]
     if zero is None or not len(rows):
         return last_before(rows, np.inf), None
     margin = 0 if summary["inception"]["source"] == "plant" else cycle_ns / 2
-    reset = _last_reset(rows, zero - margin) if summary["inception"]["source"] != "plant" else None
-    stop = own["cleared_ns"] or reset or int(rows.t_ns[-1]) + 1
+    reset = _last_reset(whole, zero - margin) if summary["inception"]["source"] != "plant" else None
+    end_ns = int(rows.t_ns[-1]) + 1
+    stop = max(min(own["cleared_ns"] or reset or end_ns, end_ns), zero)
     edges = sorted({zero, stop, *(t for t in _changes(summary) if zero < t < stop)})
     stretches = list(pairwise(edges))
     long = [stretch for stretch in stretches if stretch[1] - stretch[0] >= 1.5 * cycle_ns]
@@ -144,23 +157,24 @@ def _instants(
     return last_before(rows, zero - margin), during
 
 
-def _last_reset(rows: RelayRows, since: float) -> int | None:
+def _last_reset(whole: Survey, since: float) -> int | None:
     """When the last element that started from ``since`` on had reset; None where one never did."""
     ends = [
         off
-        for name, spans in rows.spans.items()
+        for name, spans in whole.spans.items()
         for on, off in spans
         if name.endswith(".Str") and (off is None or off > since)
     ]
     return None if not ends or None in ends else max(end for end in ends if end is not None)
 
 
-def _elements(rows: RelayRows, zero: int) -> list[dict[str, Any]]:
+def _elements(whole: Survey, zero: int) -> list[dict[str, Any]]:
     """Every bit that ever was on, by the time it first was."""
     out = []
-    for name, spans in rows.spans.items():
-        # The first time in the fault: a filter that settles at the start of the log is not what is asked for.
-        first, last = next((s for s in spans if s[0] >= zero), spans[0]), spans[-1]
+    for name, spans in whole.spans.items():
+        # What was on in the fault: a filter that settles at the start of the log is not what is asked for.
+        place = next((k for k, (_, off) in enumerate(spans) if off is None or off > zero), 0)
+        first, last = spans[place], spans[-1]
         out.append(
             {
                 "name": name,
@@ -169,6 +183,7 @@ def _elements(rows: RelayRows, zero: int) -> list[dict[str, Any]]:
                 "last_off_ns": last[1],
                 "last_off_ms": after_ms(last[1], zero),
                 "times": len(spans),
+                "earlier_ms": [after_ms(on, zero) for on, _ in spans[:place]],
             }
         )
     return sorted(out, key=lambda element: (element["first_ns"], element["name"]))
@@ -227,37 +242,34 @@ def _load(rows: RelayRows, index: int | None) -> dict[str, Any] | None:
     return _ohm(v1 / i1) if abs(i1) > 1e-9 else None
 
 
-def _peak(rows: RelayRows, channel: int, zero: int | None) -> dict[str, Any] | None:
+def _peak(whole: Survey, channel: int, zero: int | None) -> dict[str, Any] | None:
     """Greatest instantaneous value and greatest RMS phasor of a channel."""
-    size = np.abs(rows.samples[:, channel])
-    if not np.isfinite(size).any():
+    if not np.isfinite(whole.peaks[channel]):
         return None
-    at = int(np.nanargmax(size))
-    rms = np.abs(rows.phasors[:, channel])
+    t_ns = int(whole.peak_ns[channel])
     return {
-        "instantaneous": float(size[at]),
-        "t_ns": int(rows.t_ns[at]),
-        "ms": after_ms(int(rows.t_ns[at]), zero or 0),
-        "rms": float(np.nanmax(rms)) if np.isfinite(rms).any() else None,
+        "instantaneous": float(whole.peaks[channel]),
+        "t_ns": t_ns,
+        "ms": after_ms(t_ns, zero or 0),
+        "rms": number(float(whole.rms[channel])),
     }
 
 
-def relay_warnings(rows: RelayRows, own: dict[str, Any], inception: dict[str, Any]) -> list[str]:
-    name = rows.name
-    if not len(rows):
+def relay_warnings(whole: Survey, own: dict[str, Any], inception: dict[str, Any]) -> list[str]:
+    name = whole.name
+    if not len(whole):
         return [f"{name}: no samples"]
     out = []
-    bad = (~np.isfinite(rows.samples)).sum(axis=0).tolist()
+    bad = whole.not_numbers.tolist()
     for count in sorted({count for count in bad if count}):
         channels = ", ".join(
             name for name, own_count in zip(CHANNELS, bad, strict=True) if own_count == count
         )
-        out.append(f"{name}: {channels}: {count} of {len(rows)} samples are not numbers")
-    if not np.isfinite(rows.phasors).all(axis=1).any():
+        out.append(f"{name}: {channels}: {count} of {len(whole)} samples are not numbers")
+    if not whole.phasor_known:
         out.append(f"{name}: no phasor is a number")
-    gaps = int((np.diff(rows.t_ns) > 1.5 * rows.interval_ns).sum()) if len(rows) > 1 else 0
-    if gaps:
-        out.append(f"{name}: {gaps} gap{'s' if gaps > 1 else ''} in the samples")
+    if whole.gaps:
+        out.append(f"{name}: {whole.gaps} gap{'s' if whole.gaps > 1 else ''} in the samples")
     for trip in own["trips"]:
         if own["breaker"] is not None and trip["received_ns"] is None:
             out.append(f"{name}: its breaker {own['breaker']} did not receive the trip of {trip['function']}")

@@ -94,12 +94,20 @@ def spans_of(on: NDArray[np.bool_], t_ns: Times) -> list[Span]:
     ]
 
 
-def relay_rows(log: Log, relay: str) -> RelayRows:
-    """All that the log has of ``relay``.  Raises InputError where its content is damaged."""
+def relay_rows(
+    log: Log,
+    relay: str,
+    from_ns: int | None = None,
+    to_ns: int | None = None,
+    leave_out: Message | None = None,
+) -> RelayRows:
+    """All that the log has of ``relay`` between two times (the second not included; everything where they are
+    not given), without the values of one kind of message.  Raises InputError where its content is damaged."""
+    span = () if from_ns is None and to_ns is None else (from_ns, to_ns)
 
     def rows(message: Message) -> np.ndarray | None:
         topic = message.topic_for(relay)
-        return log.array(topic) if topic in log.topics else None
+        return log.array(topic, *span) if topic in log.topics and message is not leave_out else None
 
     found = {m.name: rows(m) for m in (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)}
     clocks = [array["t_ns"] for array in found.values() if array is not None]
@@ -108,8 +116,10 @@ def relay_rows(log: Log, relay: str) -> RelayRows:
         t_ns = np.unique(np.concatenate(clocks))
 
     def matrix(message: Message, columns: int) -> NDArray[np.float64]:
-        out = np.full((len(t_ns), columns), np.nan)
         array = found[message.name]
+        if array is not None and len(array) == len(t_ns) and np.array_equal(array["t_ns"], t_ns):
+            return values(array)
+        out = np.full((len(t_ns), columns), np.nan)
         if array is not None and len(array):
             out[np.searchsorted(t_ns, array["t_ns"])] = values(array)
         return out

@@ -6,7 +6,6 @@ log's own; ``*_ms`` count from the fault's inception (from the start of the run 
 
 from __future__ import annotations
 
-import json
 from datetime import UTC, datetime
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from faultloop.io.mcap_reader import Entry, Log
 from faultloop.io.messages import FAULT_STATE, LEVELS
 from faultloop.loop.outcome import outcome_of
+from faultloop.loop.recorded import recorded_scenario, recorded_settings
 from faultloop.review.relay_summary import (
     after_ms,
     closed_poles,
@@ -23,9 +23,11 @@ from faultloop.review.relay_summary import (
     relay_warnings,
     trip_report,
 )
-from faultloop.review.rows import RelayRows, change_before, relay_rows
+from faultloop.review.rows import change_before, relay_rows
+from faultloop.review.survey import Survey, survey
 
 Summary = dict[str, Any]
+NEAR_CYCLES = 8  # before a pickup, in which its cause is looked for
 RECORD = "record"
 """What a replayed record is called, as the source of an event and as a breaker."""
 
@@ -37,13 +39,13 @@ def summarize(log: Log) -> Summary:
     value that the log does not give is None; nothing is guessed in silence: ``inception["source"]`` says
     where time zero comes from.  Raises InputError where the log is damaged.
     """
-    scenario, outcome = scenario_of(log), outcome_of(log)
-    relays = {name: relay_rows(log, name) for name in log.relays}
+    scenario, outcome = recorded_scenario(log), outcome_of(log)
+    relays = {name: survey(log, name) for name in log.relays}
     nominal_hz = _nominal_hz(log, scenario, relays)
     cycle_ns = 1e9 / nominal_hz
     inception = _inception(log, relays, cycle_ns)
     zero = inception["t_ns"] or 0
-    places = {place["name"]: place for place in scenario.get("relay", ())}
+    places = {place["name"]: place for place in scenario["relay"]}
     breakers = {name: _breaker(log, name, zero) for name in log.breakers}
     faults = _faults(log, scenario, zero)
     summary: Summary = {
@@ -56,14 +58,14 @@ def summarize(log: Log) -> Summary:
         "events": _events(log, zero),
         "digital": _digital(log, zero),
     }
-    for name, rows in relays.items():
+    for name, whole in relays.items():
         own = {
             "line": places.get(name, {}).get("line"),
             "breaker": places.get(name, {}).get("breaker"),
-            **relay_facts(rows),
+            **relay_facts(whole),
         }
-        own["trips"] = [trip_report(trip, zero) for trip in outcome.trips if trip.relay == name]
-        own |= measured(rows, summary, own, (cycle_ns, line_impedance(log, name)))
+        own["trips"] = [trip_report(trip, zero, faults) for trip in outcome.trips if trip.relay == name]
+        own |= measured(log, whole, summary, own, (cycle_ns, line_impedance(log, name)))
         summary["relays"][name] = own
     summary["warnings"] = _warnings(log, scenario, relays, summary)
     return summary
@@ -72,49 +74,36 @@ def summarize(log: Log) -> Summary:
 # -- where and when --------------------------------------------------------------------------------------
 
 
-def scenario_of(log: Log) -> dict[str, Any]:
-    """The scenario as the run put it into the log; empty where it is not there."""
-    try:
-        found = json.loads(log.metadata.get("scenario", {}).get("json", "{}"))
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _settings(log: Log, relay: str) -> dict[str, Any]:
-    """A relay's settings as the run put them into the log; empty where they are not there."""
-    try:
-        found = json.loads(log.metadata.get("settings", {}).get(relay, "{}"))
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _nominal_hz(log: Log, scenario: dict[str, Any], relays: dict[str, RelayRows]) -> float:
+def _nominal_hz(log: Log, scenario: dict[str, Any], relays: dict[str, Survey]) -> float:
     """Nominal frequency [Hz]: as the scenario or the settings have it, else 50 or 60 by what was measured."""
-    given = [scenario.get("system", {}).get("frequency_hz")]
-    given += [_settings(log, name).get("relay", {}).get("frequency_hz") for name in relays]
+    given = [scenario["system"].get("frequency_hz")]
+    given += [recorded_settings(log, name)["relay"].get("frequency_hz") for name in relays]
     for value in given:
-        if isinstance(value, (int, float)) and value > 0:
+        if value is not None:
             return float(value)
-    measured = np.concatenate([rows.frequency for rows in relays.values()] or [np.empty(0)])
-    measured = measured[np.isfinite(measured)]
-    return 60.0 if len(measured) and float(np.median(measured)) > 55 else 50.0
+    measured = [own.frequency_hz for own in relays.values() if np.isfinite(own.frequency_hz)]
+    return 60.0 if measured and float(np.median(measured)) > 55 else 50.0
 
 
 def line_impedance(log: Log, relay: str) -> complex | None:
-    settings = _settings(log, relay)
-    z1 = settings.get("line", {}).get("z1_ohm")
-    header = settings.get("relay", {})
-    if not isinstance(z1, list) or len(z1) != 2:
+    """Positive-sequence impedance of the whole line by the relay's settings [ohm, primary]."""
+    settings = recorded_settings(log, relay)
+    z1, header = settings["line"].get("z1_ohm"), settings["relay"]
+    if z1 is None:
         return None
     ratio = 1.0
     if header.get("ohms") == "secondary":
-        ratio = (header.get("vt_ratio") or 1.0) / (header.get("ct_ratio") or 1.0)
+        ratio = header.get("vt_ratio", 1.0) / header.get("ct_ratio", 1.0)
     return complex(*z1) * ratio
 
 
-def _inception(log: Log, relays: dict[str, RelayRows], cycle_ns: float) -> dict[str, Any]:
+def find_inception(log: Log) -> dict[str, Any]:
+    """When the fault began [ns since the start], and how that is known; ``t_ns`` None where none did."""
+    relays = {name: survey(log, name) for name in log.relays}
+    return _inception(log, relays, 1e9 / _nominal_hz(log, recorded_scenario(log), relays))
+
+
+def _inception(log: Log, relays: dict[str, Survey], cycle_ns: float) -> dict[str, Any]:
     """Time zero: the truth where the plant wrote it, else from the samples before the first pickup."""
     applied = [entry.t_ns for entry in log.faults if entry.on]
     if applied:
@@ -124,7 +113,8 @@ def _inception(log: Log, relays: dict[str, RelayRows], cycle_ns: float) -> dict[
         text = "no fault in the log and no pickup: times count from the log's start"
         return {"t_ns": None, "source": None, "text": text}
     (t_ns, element), name = min(pickups)
-    changed = change_before(relays[name], t_ns, cycle_ns)
+    near = relay_rows(log, name, t_ns - round(NEAR_CYCLES * cycle_ns), t_ns + round(cycle_ns))
+    changed = change_before(near, t_ns, cycle_ns)
     if changed is not None:
         text = f"estimated: where the samples first changed before the first pickup ({name} {element})"
         return {"t_ns": changed, "source": "samples", "text": text}
@@ -138,9 +128,9 @@ def _inception(log: Log, relays: dict[str, RelayRows], cycle_ns: float) -> dict[
 # -- the log, the faults, the breakers, the bus ----------------------------------------------------------
 
 
-def _facts(log: Log, scenario: dict[str, Any], relays: dict[str, RelayRows]) -> dict[str, Any]:
-    header = scenario.get("scenario", {})
-    ends = [int(rows.t_ns[-1]) for rows in relays.values() if len(rows)]
+def _facts(log: Log, scenario: dict[str, Any], relays: dict[str, Survey]) -> dict[str, Any]:
+    header = scenario["scenario"]
+    ends = [own.last_ns for own in relays.values() if own.last_ns is not None]
     ends += [entry.t_ns for entry in (*log.breaker_states, *log.faults, *log.can[-1:], *log.trips)]
     return {
         "path": str(log.path),
@@ -161,7 +151,7 @@ def _facts(log: Log, scenario: dict[str, Any], relays: dict[str, RelayRows]) -> 
 
 def _faults(log: Log, scenario: dict[str, Any], zero: int) -> list[dict[str, Any]]:
     """Each application of a fault: what, where (from the scenario), on and off."""
-    known = scenario.get("fault", ())
+    known = scenario["fault"]
     out: list[dict[str, Any]] = []
     for entry in log.faults:
         if not entry.on:
@@ -264,23 +254,22 @@ def _digital(log: Log, zero: int) -> list[dict[str, Any]]:
 # -- what a reader should be warned of -------------------------------------------------------------------
 
 
-def _warnings(
-    log: Log, scenario: dict[str, Any], relays: dict[str, RelayRows], summary: Summary
-) -> list[str]:
+def _warnings(log: Log, scenario: dict[str, Any], relays: dict[str, Survey], summary: Summary) -> list[str]:
     out = []
     if summary["log"]["recovered"]:
         out.append("this log was recovered from one that was cut off; its end is missing")
-    wanted = scenario.get("scenario", {}).get("duration_s")
-    if isinstance(wanted, (int, float)):
+    wanted = scenario["scenario"].get("duration_s")
+    if wanted is not None:
         step = max((rows.interval_ns for rows in relays.values() if len(rows) > 1), default=0.0)
         if summary["log"]["duration_s"] < wanted - 2 * step / 1e9:
             got = summary["log"]["duration_s"]
             out.append(f"the run ended early: {got:g} s of the scenario's {wanted:g} s are in the log")
     if not relays:
         out.append("the log has no relay")
-    for name, rows in relays.items():
-        out += relay_warnings(rows, summary["relays"][name], summary["inception"])
+    for name, whole in relays.items():
+        out += relay_warnings(whole, summary["relays"][name], summary["inception"])
     if relays and FAULT_STATE.topic not in log.topics and summary["inception"]["t_ns"] is not None:
         out.append(f"the log does not say when the fault began; {summary['inception']['text']}")
     noted = [e for e in summary["events"] if e["level"] in ("WARNING", "ERROR", "FATAL")]
+    out += [text for text in log.warnings if text not in out]
     return out + [f"{e['source']}: {e['text']}" for e in noted if not e["text"].startswith("PTRC")]

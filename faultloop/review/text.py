@@ -24,6 +24,8 @@ TRIP_COLUMNS = (
     ">received",
     "by",
     ">poles open",
+    "fault",
+    ">after it",
     "location",
 )
 ELEMENT_COLUMNS = ("relay", "element", ">start", ">operate", ">reset", ">times")
@@ -98,8 +100,11 @@ def can_text(can: dict[str, Any]) -> str:
 
 def tables(summary: Summary) -> Iterable[tuple[str, Sequence[str], Rows]]:
     """Title, columns (``>``: right-aligned) and rows of each table that has something to say."""
+    several = len(summary["faults"]) > 1
+    trips = trip_rows(summary) if several else [(*row[:8], row[10]) for row in trip_rows(summary)]
+    columns = TRIP_COLUMNS if several else (*TRIP_COLUMNS[:8], TRIP_COLUMNS[10])
     found = (
-        ("Trips: decided by the relay, received by the breaker [ms]", TRIP_COLUMNS, trip_rows(summary)),
+        ("Trips: decided by the relay, received by the breaker [ms]", columns, trips),
         ("Phasors: RMS, angle against VA before the fault", PHASOR_COLUMNS, phasor_rows(summary)),
         ("Faulted loop and load [ohm, primary], peak currents", LOOP_COLUMNS, loop_rows(summary)),
         ("Elements [ms]", ELEMENT_COLUMNS, element_rows(summary)),
@@ -119,6 +124,8 @@ def trip_rows(summary: Summary) -> Rows:
             _fixed(trip["received_ms"], 2),
             " ".join(part for part in (trip["breaker"], trip["received_by"]) if part) or NONE,
             _fixed(trip["opened_ms"], 2),
+            trip["fault"] or NONE,
+            _fixed(trip["after_fault_ms"], 2),
             _location(own["location"]),
         )
         for name, own in summary["relays"].items()
@@ -187,8 +194,14 @@ def element_rows(summary: Summary) -> Rows:
             first = found.get("start") or found["operate"]
             on = [_fixed(found[c]["first_ms"], 2) if c in found else NONE for c in ("start", "operate")]
             off = "stays" if first["last_off_ms"] is None else _fixed(first["last_off_ms"], 2)
-            rows.append((name, node, *on, off, str(first["times"])))
+            rows.append((name, node, *on, off, _times(first)))
     return rows
+
+
+def _times(element: dict[str, Any]) -> str:
+    """How often it was on; and when it first was, if that was over before the fault."""
+    earlier = element["earlier_ms"]
+    return str(element["times"]) + (f" (first {earlier[0]:.2f})" if earlier else "")
 
 
 def breaker_rows(summary: Summary) -> Rows:

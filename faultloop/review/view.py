@@ -9,8 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.review.rows import RelayRows
+from faultloop.io.mcap_reader import Log
+from faultloop.review.rows import RelayRows, Span, relay_rows
 from faultloop.review.summary import RECORD
+from faultloop.review.survey import survey
 
 Summary = dict[str, Any]
 Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -35,6 +37,9 @@ KIND_NAMES: dict[Kind, str] = {
 
 DIGITAL_ROWS = 16
 """Of a record's digital channels, of which some have hundreds."""
+
+
+LONGEST_MS = 60_000.0  # of a picture; what comes later is in the tables
 
 
 @dataclass(frozen=True)
@@ -65,11 +70,23 @@ class RelayView:
     timeline: list[TimelineRow]
 
 
-def relay_view(rows: RelayRows, summary: Summary) -> RelayView:
+def fault_view(log: Log, relay: str, summary: Summary) -> RelayView:
+    """The fault's window of a relay's record, and the timeline of the whole."""
+    zero, cycle_ns = summary["inception"]["t_ns"] or 0, 1e9 / summary["log"]["nominal_hz"]
+    start, stop = (zero + round(1e6 * ms) for ms in window_ms(summary))
+    rows = relay_rows(log, relay, start - round(2 * cycle_ns), stop + round(2 * cycle_ns))
+    return relay_view(rows, summary, survey(log, relay).spans)
+
+
+def relay_view(rows: RelayRows, summary: Summary, spans: dict[str, list[Span]] | None = None) -> RelayView:
+    """``spans``: of the whole record, where ``rows`` are a part of it."""
     zero = summary["inception"]["t_ns"] or 0
     end_ms = (summary["log"]["duration_s"] * 1e9 - zero) / 1e6
     return RelayView(
-        rows, summary["relays"][rows.name], (rows.t_ns - zero) / 1e6, _timeline(rows, summary, end_ms)
+        rows,
+        summary["relays"][rows.name],
+        (rows.t_ns - zero) / 1e6,
+        _timeline(rows.name, spans or rows.spans, summary, end_ms),
     )
 
 
@@ -92,7 +109,7 @@ def window_ms(summary: Summary) -> tuple[float, float]:
         known = [fault["off_ms"] for fault in summary["faults"]]
         known += [e["last_off_ms"] for own in relays for e in own["elements"] if e["name"].endswith(".Str")]
     last = max((t for t in known if t is not None), default=10 * cycle)
-    return max(-2 * cycle, -zero / 1e6), min(max(last, 2 * cycle) + 2 * cycle, max(stop, cycle))
+    return max(-2 * cycle, -zero / 1e6), min(max(last, 2 * cycle) + 2 * cycle, max(stop, cycle), LONGEST_MS)
 
 
 def thinned(y: NDArray[np.float64], points: int) -> NDArray[np.int64]:
@@ -113,14 +130,20 @@ def thinned(y: NDArray[np.float64], points: int) -> NDArray[np.int64]:
 def markers(summary: Summary, relay: str) -> list[tuple[float, str]]:
     """Instants that a person looks for, [ms] and name: fault, trip (as received), poles open."""
     found = [] if summary["inception"]["t_ns"] is None else [(0.0, "fault")]
+    zero = summary["inception"]["t_ns"] or 0
+    later = sorted({fault["on_ns"] for fault in summary["faults"] if fault["on_ns"] > zero})
+    found += [((t_ns - zero) / 1e6, "fault") for t_ns in later]
     trips = summary["relays"][relay]["trips"]
-    if trips:
-        trip = trips[0]
-        received = trip["received_ms"]
-        found.append((trip["decided_ms"], "decided") if received is None else (received, "trip"))
-        last = [t["opened_ms"] for t in trips if t["opened_ms"] is not None]
-        if last:
-            found.append((max(last), "poles open"))
+    answered: set[str | None] = set()
+    for trip in trips:  # the first that answers each fault
+        if trip["fault"] not in answered:
+            received = trip["received_ms"]
+            found.append((trip["decided_ms"], "decided") if received is None else (received, "trip"))
+            answered.add(trip["fault"])
+    last = [t["opened_ms"] for t in trips if t["opened_ms"] is not None]
+    if last:
+        found.append((max(last), "poles open"))
+    found.sort(key=lambda marker: marker[0])
     return found
 
 
@@ -158,11 +181,13 @@ def extent_ohm(
     return np.array([every.min(axis=0), every.max(axis=0)])
 
 
-def _timeline(rows: RelayRows, summary: Summary, end_ms: float) -> list[TimelineRow]:
+def _timeline(
+    relay: str, spans_of: dict[str, list[Span]], summary: Summary, end_ms: float
+) -> list[TimelineRow]:
     """Fault, direction, zones and other elements by name, trip logic, breaker."""
     zero = summary["inception"]["t_ns"] or 0
     found: dict[str, list[Bar]] = {}
-    for name, spans in rows.spans.items():
+    for name, spans in spans_of.items():
         node, _, data = name.rpartition(".")
         kind = KIND_OF_DATA.get(data, "start")
         label = node if data in KIND_OF_DATA else name
@@ -172,8 +197,16 @@ def _timeline(rows: RelayRows, summary: Summary, end_ms: float) -> list[Timeline
         )
     timeline = []
     if summary["faults"]:
+        numbers = sorted({f["fault"] for f in summary["faults"]})  # each fault has its lane
         bars = [
-            Bar(f["on_ms"], end_ms if f["off_ms"] is None else f["off_ms"], "fault", f["type"])
+            Bar(
+                f["on_ms"],
+                end_ms if f["off_ms"] is None else f["off_ms"],
+                "fault",
+                f["type"],
+                numbers.index(f["fault"]),
+                len(numbers),
+            )
             for f in summary["faults"]
         ]
         timeline.append(TimelineRow("fault", bars))
@@ -181,7 +214,7 @@ def _timeline(rows: RelayRows, summary: Summary, end_ms: float) -> list[Timeline
         bars = sorted(found[label], key=lambda bar: bar.kind == "operate")  # operate over start
         timeline.append(TimelineRow(label, bars))
     timeline += _digital(summary, end_ms)
-    breaker = summary["relays"][rows.name]["breaker"] or RECORD
+    breaker = summary["relays"][relay]["breaker"] or RECORD
     if breaker in summary["breakers"]:
         bars = _open_poles(summary["breakers"][breaker], end_ms)
         timeline.append(TimelineRow(breaker, bars))

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from faultloop.io.output_file import write_aside
+from faultloop.review.plotly_config import CONFIG
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
         parts += [_html_table(table) for table in tables]
         for title, figure in report.figures:
             parts.append(f"<h2>{escape(title)}</h2>")
-            parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly))
+            parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly, config=CONFIG))
             plotly = False
     style = (
         "body{font:15px sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from io import StringIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,13 @@ import pytest
 from rich.console import Console
 
 from faultloop.cli import call
-from faultloop.io.mcap_reader import open_log
+from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.recover import recover_log
 from faultloop.review.rows import relay_rows, spans_of
 from faultloop.review.summary import line_impedance, summarize
-from faultloop.review.text import print_review
+from faultloop.review.text import print_review, tables
+from faultloop.review.view import fault_view, markers
 from tests.review.review_logs import (
     BEFORE,
     BITS,
@@ -28,6 +30,7 @@ from tests.review.review_logs import (
     LOOP_OHM,
     OPENED_NS,
     RECEIVED_NS,
+    SCENARIO,
     START_NS,
     rows,
     times,
@@ -255,3 +258,59 @@ def test_command_prints_strict_json(known: Path, capsys: pytest.CaptureFixture[s
     printed = json.loads(capsys.readouterr().out)
     assert printed["relays"]["R1"]["trips"][0]["received_ns"] == RECEIVED_NS
     assert printed["written"] == []
+
+
+def test_two_faults_each_trip_answers_its_own(tmp_path: Path) -> None:
+    """A second fault at 250 ms: its trip is counted from it, has its instant and its lane."""
+    path, second_ns = tmp_path / "two.mcap", 250_000_000
+    with LogWriter(path, START_NS, {"scenario": {"json": json.dumps(SCENARIO)}}) as log:
+        log.add_relay("R1", BITS, {})
+        log.relay_block("R1", *rows(1920).values())
+        closed = {"pole_a": True, "pole_b": True, "pole_c": True}
+        log.message("/breaker/Q1", 0, "BreakerStatus", **closed)
+        for number, (on_ns, loop) in enumerate(((FAULT_NS, "AG"), (second_ns, "BC"))):
+            log.message("/plant/faults", on_ns, "FaultState", fault=number, on=True, type=loop)
+            trip = {"function": "PDIS1", "zone": 1, "loop": loop, "poles": 7, "sample_count": 0}
+            log.message("/relay/R1/trips", on_ns + 20_000_000, "Trip", **trip)
+            log.message("/breaker/Q1", on_ns + 21_000_000, "BreakerStatus", command="open", **closed)
+    opened = open_log(path)
+    summary = summarize(opened)
+    first, second = summary["relays"]["R1"]["trips"]
+    assert (first["fault"], second["fault"]) == ("F1", "1")  # the scenario knows of one
+    assert first["after_fault_ms"] == second["after_fault_ms"] == 21.0
+    assert second["received_ms"] == pytest.approx((second_ns + 21_000_000 - FAULT_NS) / 1e6)
+    names = [name for _, name in markers(summary, "R1")]
+    assert names == ["fault", "trip", "fault", "trip"]
+    view = fault_view(opened, "R1", summary)
+    lanes = [(bar.lane, bar.lanes) for bar in view.timeline[0].bars]
+    assert lanes == [(0, 2), (1, 2)]
+    (columns,) = [columns for title, columns, _ in tables(summary) if title.startswith("Trips")]
+    assert "fault" in columns and ">after it" in columns
+
+
+def test_a_start_that_came_earlier_is_not_dropped(tmp_path: Path) -> None:
+    """On from before the inception into the fault: that is its start; one that was over is told of."""
+    path, block = tmp_path / "x.mcap", rows(1920)
+    block["pickup"][:] = 0
+    for begin, end in ((100, 120), (470, 500), (560, 600)):  # over; into the fault; in it
+        block["pickup"][begin:end] = 1
+    with LogWriter(path, START_NS) as log:
+        log.add_relay("R1", BITS, {})
+        log.relay_block("R1", *block.values())
+        log.message("/plant/faults", FAULT_NS, "FaultState", fault=0, on=True, type="AG")
+    summary = summarize(open_log(path))
+    (element,) = [e for e in summary["relays"]["R1"]["elements"] if e["name"] == "PDIS1.Str"]
+    assert element["first_ns"] == 470 * 10**9 // 4800 and element["times"] == 3
+    assert element["earlier_ms"] == [pytest.approx((100 * 10**9 // 4800 - FAULT_NS) / 1e6)]
+
+
+@pytest.mark.parametrize("windows", [1, 7, 40])
+def test_a_long_log_is_summarized_as_in_one_piece(
+    windows: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Read in stretches, the figures are those of the whole."""
+    path = write_log(tmp_path / "x.mcap")
+    whole = summarize(open_log(path))
+    edges = [-(1 << 62), *(400_000_000 * k // windows for k in range(1, windows)), 1 << 62]
+    monkeypatch.setattr(Log, "windows", lambda self: list(pairwise(edges)))
+    assert summarize(open_log(path)) == whole

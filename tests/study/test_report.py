@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import pytest
 from faultloop.cli.output import print_json
 from faultloop.study.papers.mstukf.readings import half_digit
 from faultloop.study.papers.published import Published, state
-from faultloop.study.report import Check, Report, check_table
+from faultloop.study.report import Check, Report, check_table, write_page
 
 
 @pytest.mark.parametrize(
@@ -66,3 +68,15 @@ def test_a_published_figure_names_the_reading_that_reaches_it() -> None:
     assert len(report.tables) == 1 and report.held
     state(report, [Published("t2", 1.0, {"a": 3.0, "b": float("nan")}, "ms")])
     assert not report.held and report.tables[0].rows[-1][-1] == "MISSED"
+
+
+def test_pages_lead_to_nobodys_cloud(tmp_path: Path) -> None:
+    """No link but plotly's own licence notes within its script; no logo, no button that would send."""
+    import plotly.graph_objects as go
+
+    path = tmp_path / "x.html"
+    write_page([Report("x", "X", figures=[("a", go.Figure(go.Scatter(y=[1, 2])))])], path)
+    text = path.read_text(encoding="utf-8")
+    assert '"displaylogo": false' in text and '"showSendToCloud": false' in text
+    outside = re.sub(r"<script.*?</script>", "", text, flags=re.S)
+    assert "http" not in outside and "href" not in outside

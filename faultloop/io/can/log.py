@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.transport import to_message
+from faultloop.io.output_file import write_aside
 
 if TYPE_CHECKING:
     from can import Message
@@ -47,15 +48,8 @@ def write_can_log(path: Path | str, frames: Iterable[LoggedFrame], channel: str 
             f"no CAN log has the suffix '{path.suffix}': it must be {', '.join(_WRITERS)}", file=path
         )
     messages = (to_message(f.frame, f.t_ns, is_rx=not f.sent, channel=channel) for f in frames)
-    aside = path.with_name(path.name + ".part")
-    try:
-        try:
-            writer(aside, messages)
-            aside.replace(path)
-        finally:
-            aside.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=path) from error
+    with write_aside(path) as aside:
+        writer(aside, messages)
     return path
 
 

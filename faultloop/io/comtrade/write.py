@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -15,22 +16,36 @@ from faultloop.io.comtrade.config import FORMATS
 from faultloop.io.comtrade.data import ASCII_MISSING
 from faultloop.io.comtrade.record import SECOND_NS, AnalogChannel, Record
 from faultloop.io.comtrade.rows import ANALOG_TYPES, MISSING
+from faultloop.io.output_file import OutputFiles
 
 # Greatest raw value: symmetric about zero, and the value that stands for "missing" left out.
 _FULL_SCALE = {"ASCII": 99_998, "BINARY": 2**15 - 1, "BINARY32": 2**31 - 1}
 _STAMP_LIMIT = 2**32 - 2
 REVISIONS = ("1999", "2013")
+ROWS = 1 << 15  # written at a time
 
 
 @dataclass(slots=True)
 class _Scaled:
-    """A channel in raw values: value = a * raw + b."""
+    """How a channel is written: value = a * raw + b."""
 
     a: float
     b: float
     least: float
     greatest: float
-    raw: NDArray
+    values: NDArray[np.float64]
+    missing: float
+    dtype: type
+
+    def raw(self, part: slice) -> NDArray:
+        """Raw values of some samples."""
+        values = self.values[part]
+        absent = np.isnan(values)
+        with np.errstate(invalid="ignore"):
+            counts = (values - self.b) / self.a
+            if self.dtype is np.int64:
+                counts = np.clip(np.rint(counts), self.least, self.greatest)
+        return np.where(absent, self.missing, counts).astype(self.dtype)
 
 
 def write_comtrade(
@@ -60,22 +75,16 @@ def write_comtrade(
     stamps, multiplier, nanoseconds = _stamps(record, revision)
     scaled = [_scale(channel, format) for channel in record.analog]
     config = _config_text(record, revision, format, scaled, multiplier, nanoseconds).encode("utf-8")
-    data = (_ascii_data if format == "ASCII" else _binary_data(format))(record, stamps, scaled)
+    rows = _ascii_rows if format == "ASCII" else _binary_rows(format)
+    parts = [slice(k, min(k + ROWS, len(record))) for k in range(0, len(record), ROWS)]
+    data = (rows(record, stamps, scaled, part) for part in parts)
     if path.suffix.lower() == ".cff":
-        kind = "DAT ASCII" if format == "ASCII" else f"DAT {format}: {len(data)}"
-        parts = [
-            _heading("CFG"),
-            config,
-            _heading("INF"),
-            b"\r\n",
-            _heading("HDR"),
-            b"\r\n",
-            _heading(kind),
-            data,
-        ]
-        return _write_files({path: b"".join(parts)})
+        size = len(rows(record, stamps, scaled, slice(0, 1))) * len(record)
+        kind = "DAT ASCII" if format == "ASCII" else f"DAT {format}: {size}"
+        head = [_heading("CFG"), config, _heading("INF"), b"\r\n", _heading("HDR"), b"\r\n", _heading(kind)]
+        return _write_files(path, {path: chain(head, data)})
     upper = path.suffix.isupper()
-    return _write_files({path.with_suffix(".DAT" if upper else ".dat"): data, path: config})
+    return _write_files(path, {path.with_suffix(".DAT" if upper else ".dat"): data, path: [config]})
 
 
 def _heading(kind: str) -> bytes:
@@ -130,19 +139,15 @@ def _scale(channel: AnalogChannel, format: str) -> _Scaled:
         limit = float(np.finfo(np.float32).max)
         if len(present) and np.abs(present).max() >= limit:
             raise InputError(f"a value does not fit into FLOAT32 (+-{limit:.3g})", key=channel.name)
-        raw = np.where(np.isnan(values), MISSING["FLOAT32"], values)
-        return _Scaled(1.0, 0.0, -limit, limit, raw.astype("<f4"))
+        return _Scaled(1.0, 0.0, -limit, limit, values, MISSING["FLOAT32"], np.float32)
     full = _FULL_SCALE[format]
     low, high = (float(present.min()), float(present.max())) if len(present) else (0.0, 0.0)
     b = low / 2 + high / 2
     a = max(high / 2 - low / 2, 0.0) / full
     if a < np.finfo(float).tiny:  # a constant: b alone says it
         a = 1.0
-    with np.errstate(invalid="ignore"):
-        counts = np.clip(np.rint((values - b) / a), -full, full)
     missing = ASCII_MISSING if format == "ASCII" else MISSING[format]
-    raw = np.where(np.isnan(values), missing, counts).astype(np.int64)
-    return _Scaled(a, b, -full, full, raw)
+    return _Scaled(a, b, -full, full, values, missing, np.int64)
 
 
 def _config_text(
@@ -183,45 +188,42 @@ def _time_line(t_ns: int, nanoseconds: bool) -> str:
     return (datetime(1970, 1, 1) + timedelta(seconds=seconds)).strftime("%d/%m/%Y,%H:%M:%S.") + fraction
 
 
-def _binary_data(format: str) -> Callable[[Record, NDArray[np.int64], list[_Scaled]], bytes]:
-    def write(record: Record, stamps: NDArray[np.int64], scaled: list[_Scaled]) -> bytes:
+_Rows = Callable[[Record, NDArray[np.int64], list[_Scaled], slice], bytes]
+"""Some samples as they stand in a .dat."""
+
+
+def _binary_rows(format: str) -> _Rows:
+    def write(record: Record, stamps: NDArray[np.int64], scaled: list[_Scaled], part: slice) -> bytes:
         words = -(-len(record.status) // 16)
         kind = [("number", "<u4"), ("stamp", "<u4"), ("analog", ANALOG_TYPES[format], (len(scaled),))]
-        rows = np.zeros(len(record), [*kind, ("status", "<u2", (words,))])
-        rows["number"] = np.arange(1, len(record) + 1)
-        rows["stamp"] = stamps
+        numbers = np.arange(len(record))[part] + 1
+        rows = np.zeros(len(numbers), [*kind, ("status", "<u2", (words,))])
+        rows["number"], rows["stamp"] = numbers, stamps[part]
         for i, channel in enumerate(scaled):
-            rows["analog"][:, i] = channel.raw
+            rows["analog"][:, i] = channel.raw(part)
         for i, channel in enumerate(record.status):
-            rows["status"][:, i // 16] |= channel.values.astype(np.uint16) << (i % 16)
+            rows["status"][:, i // 16] |= channel.values[part].astype(np.uint16) << (i % 16)
         return rows.tobytes()
 
     return write
 
 
-def _ascii_data(record: Record, stamps: NDArray[np.int64], scaled: list[_Scaled]) -> bytes:
+def _ascii_rows(record: Record, stamps: NDArray[np.int64], scaled: list[_Scaled], part: slice) -> bytes:
     import pyarrow as pa
     from pyarrow import csv
 
-    columns = [np.arange(1, len(record) + 1), stamps, *(channel.raw for channel in scaled)]
-    columns += [channel.values.astype(np.int8) for channel in record.status]
+    columns = [np.arange(len(record))[part] + 1, stamps[part], *(channel.raw(part) for channel in scaled)]
+    columns += [channel.values[part].astype(np.int8) for channel in record.status]
     table = pa.table([pa.array(column) for column in columns], names=[str(i) for i in range(len(columns))])
     sink = pa.BufferOutputStream()
     csv.write_csv(table, sink, csv.WriteOptions(include_header=False))
     return sink.getvalue().to_pybytes().replace(b"\n", b"\r\n")
 
 
-def _write_files(contents: dict[Path, bytes]) -> list[Path]:
-    aside = {path: path.with_name(path.name + ".part") for path in contents}
-    try:
-        try:
-            for path, content in contents.items():
-                aside[path].write_bytes(content)
-            for path, part in aside.items():
-                part.replace(path)
-        finally:
-            for part in aside.values():
-                part.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror}", file=next(iter(contents))) from error
+def _write_files(path: Path, contents: Mapping[Path, Iterable[bytes]]) -> list[Path]:
+    with OutputFiles(path) as files:
+        for name, parts in contents.items():
+            with files.new(name).open("wb") as stream:
+                for part in parts:
+                    stream.write(part)
     return list(contents)
