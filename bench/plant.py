@@ -38,6 +38,8 @@ def main() -> None:
     print()
     model_costs()
     print()
+    transformer_costs()
+    print()
     against_buses()
 
 
@@ -79,6 +81,43 @@ def model_costs() -> None:
             f"  {model:10} three buses {1e6 * costs[0]:6.3f} us/step; "
             f"with two breakers and two relays {1e6 * costs[1]:6.3f} us/step"
         )
+
+
+def transformer_costs() -> None:
+    """Three relays at one line end behind nothing, a low-pass, a CT, a CVT, all of them.
+
+    The plants take turns, and each is told as a ratio to the first."""
+    variants = {
+        "ideal": {},
+        "low-pass": {"front_end": {"antialias_hz": 1500.0}},
+        "ct": {"ct": "T"},
+        "cvt": {"vt": "V"},
+        "ct, cvt, low-pass": {"ct": "T", "vt": "V", "front_end": {"antialias_hz": 1500.0}},
+    }
+    plants = {name: Plant(three_relays(place)) for name, place in variants.items()}
+    for plant in plants.values():
+        plant.advance(10)
+    best = dict.fromkeys(plants, np.inf)
+    for _ in range(ROUNDS):
+        for name, plant in plants.items():
+            best[name] = min(best[name], advance(plant, STEPS // 4) / STEPS)
+    print("three relays at two Bergeron sections")
+    for name, seconds in best.items():
+        print(f"  {name:20}{1e6 * seconds:8.3f} us/step   ratio {seconds / best['ideal']:5.2f}")
+
+
+def three_relays(place: dict[str, Any]) -> Scenario:
+    """With transformers that they may name; a fault from the start on saturates the core in every cycle."""
+    relay = {"line": "L", "end": "from", "settings": "none.toml"} | place
+    core = {"name": "T", "ratio": [1000, 1], "model": "saturating", "vs_v": 10.0, "burden_ohm": [5.0, 1.0]}
+    return scenario(
+        source=[source("A"), source("B") | {"angle_deg": -20.0}],
+        line=[line("L", "A", "B", "bergeron", 200.0)],
+        fault=[{"name": "F", "line": "L", "at_pu": 0.5, "type": "AG", "start_s": 0.0}],
+        relay=[relay | {"name": f"R{i}"} for i in range(3)],
+        ct=[core],
+        vt=[{"name": "V", "ratio": [220e3, 110.0], "model": "cvt", "circuit": "A2"}],
+    )
 
 
 def against_buses() -> None:

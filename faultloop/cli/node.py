@@ -32,8 +32,9 @@ def command(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Override: fault.F1.at_pu=0.7.")
     ] = None,
     closed: Annotated[
-        int, typer.Option(min=0, max=7, help="breaker: mask of the poles that are closed when it starts.")
-    ] = 7,
+        int | None,
+        typer.Option(min=0, max=7, help="breaker: mask of the poles that are closed when it starts."),
+    ] = None,
 ) -> int:
     """One real process on a real bus: the plant, a relay or a breaker; any may be a device of your own."""
     from faultloop.live.nodes import NodeOptions, run_role

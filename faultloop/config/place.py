@@ -47,5 +47,9 @@ class RelayPlace(Table):
     """Path of the settings, relative to the scenario file."""
     voltage_at: Literal["bus", "line"] = "bus"
     """Which side of the breaker the voltage transformer is on."""
+    ct: Name | None = None
+    """The current transformer, a ``[[ct]]``; ideal where not given."""
+    vt: Name | None = None
+    """The voltage transformer, a ``[[vt]]``; ideal where not given."""
     front_end: FrontEnd | None = None
     """This relay's own, in place of the scenario's."""

@@ -124,6 +124,8 @@ def _key(where: tuple[int | str, ...], data: Any) -> str:
     """``fault[1].type``; list members that have a name are shown by it: ``line[L1].length_km``."""
     text = ""
     for part in where:
+        if _is_tag(part):
+            continue
         if isinstance(part, int):
             item = data[part] if isinstance(data, list) and part < len(data) else None
             name = item.get("name") if isinstance(item, dict) else None
@@ -139,7 +141,7 @@ def _fields(model: type[BaseModel], where: tuple[int | str, ...]) -> list[str]:
     """The known keys of the table at ``where``."""
     current: Any = model
     for part in where:
-        if isinstance(part, int):
+        if isinstance(part, int) or _is_tag(part):
             continue
         field = current.model_fields.get(part) if _is_model(current) else None
         if field is None:
@@ -149,6 +151,11 @@ def _fields(model: type[BaseModel], where: tuple[int | str, ...]) -> list[str]:
     if not _is_model(current):
         return []
     return [field.alias or name for name, field in current.model_fields.items()]
+
+
+def _is_tag(part: int | str) -> bool:
+    """Which branch of a union was taken: a part of pydantic's path that is no key; models write it so."""
+    return isinstance(part, str) and part.startswith("<")
 
 
 def _is_model(candidate: Any) -> bool:

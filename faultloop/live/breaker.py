@@ -27,6 +27,8 @@ class Motion(NamedTuple):
     at_ns: int
     operation: str
     poles: int
+    planned: bool = False
+    """By the scenario; no command takes it back."""
 
 
 class BreakerProcess:
@@ -35,16 +37,17 @@ class BreakerProcess:
     Parameters
     ----------
     number : of the breaker in the scenario.
-    closed : mask of closed poles as its contacts are: a process that begins anew does not move them.
+    closed : mask of closed poles as its contacts are: a process that begins anew does not move them.  None:
+        as the scenario says.
     """
 
-    def __init__(self, scenario: Scenario, number: int, closed: int = 7) -> None:
+    def __init__(self, scenario: Scenario, number: int, closed: int | None = None) -> None:
         self.breaker = scenario.breaker[number]
         self.name = self.breaker.name
         self._number = number
         self.scenario = scenario
-        self.closed = closed
-        self.node = breaker_node(scenario, number, closed, self._report)
+        self.closed = (7 if self.breaker.closed else 0) if closed is None else closed
+        self.node = breaker_node(scenario, number, self.closed, self._report)
         self._motions: list[Motion] = []
         self._recorder = Recorder([])
         self._end_ns = round(scenario.scenario.duration_s * 1e9)
@@ -54,6 +57,9 @@ class BreakerProcess:
         start_ns = max(clock.now_ns(), 0)
         started = clock.started(self.scenario)
         self.node = breaker_node(started, self._number, self.closed, self._report, start_ns=start_ns)
+        own = [s for s in self.scenario.switching if s.breaker == self.name]
+        planned = [Motion(round(s.at_s * 1e9), s.operation, s.mask, True) for s in own]
+        self._motions = [motion for motion in planned if motion.at_ns >= start_ns]
 
     @property
     def next_ns(self) -> int:
@@ -79,7 +85,7 @@ class BreakerProcess:
         delay_ms = self.breaker.operate_ms if opens else self.breaker.close_ms
         if opens:  # an open cancels a close that has not come to its end, as in the plant
             self._motions = [
-                m if m.operation == "open" else m._replace(poles=m.poles & ~command.poles)
+                m._replace(poles=m.poles & ~command.poles) if m.operation == "close" and not m.planned else m
                 for m in self._motions
             ]
         self._motions.append(Motion(command.t_ns + round(delay_ms * 1e6), command.operation, command.poles))

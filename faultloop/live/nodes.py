@@ -62,7 +62,7 @@ def number_of(scenario: Scenario, role: Role, name: str | None) -> int:
 
 
 def make_node(
-    scenario: Scenario, role: Role, number: int, closed: int = 7, settings: Sequence[str] = ()
+    scenario: Scenario, role: Role, number: int, closed: int | None = None, settings: Sequence[str] = ()
 ) -> tuple[Node, list[int]]:
     """The node, and the identifiers that it listens to; ``settings`` overrides those of a relay's file."""
     # A process loads what it needs: a breaker has no use for the kernels of plant and relay.
@@ -91,7 +91,7 @@ class NodeOptions:
     ----------
     name : of the relay or breaker; None for the plant.
     can : ``"INTERFACE:CHANNEL"`` in place of the scenario's.
-    closed : a breaker's mask of poles that are closed when its process starts.
+    closed : a breaker's mask of poles that are closed when its process starts; None: as the scenario says.
     """
 
     role: Role
@@ -101,7 +101,7 @@ class NodeOptions:
     pace: float = 1.0
     log: Path | None = None
     overrides: tuple[str, ...] = ()
-    closed: int = 7
+    closed: int | None = None
 
 
 def run_role(options: NodeOptions, supervision: Supervision | None = None) -> bool:

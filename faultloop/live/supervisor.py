@@ -76,7 +76,7 @@ class Supervisor:
         self.interrupted = False
         self.died: list[str] = []
         self.frames = 0
-        self.closed = dict.fromkeys(range(len(scenario.breaker)), 7)
+        self.closed = {i: 7 if breaker.closed else 0 for i, breaker in enumerate(scenario.breaker)}
         """Position of each breaker, as last heard."""
         self.bus = bus_of(scenario, can)
         self._overrides = overrides

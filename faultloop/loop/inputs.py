@@ -81,7 +81,7 @@ def _load(
 ) -> Inputs:
     own, of_settings = divided(overrides)
     if not isinstance(scenario, AnyScenario):
-        scenario = Scenario.load(scenario, own)
+        scenario = Scenario.read(scenario, own)
     elif own:
         raise InputError(f"'{own[0]}' needs the scenario's file, not a Scenario", key="overrides")
     names = [place.name for place in scenario.relay]

@@ -44,7 +44,7 @@ class AnyScenario(BusTables):
         return result
 
     @classmethod
-    def load(cls, path: Path | str, overrides: Sequence[str] = ()) -> Self:
+    def read(cls, path: Path | str, overrides: Sequence[str] = ()) -> Self:
         """Read, override (``fault.F1.resistance_ohm=5``) and validate a file; raises InputError."""
         path = Path(path)
         data, text = read_toml(path)
@@ -101,4 +101,4 @@ else:
 
 def load_scenario(path: Path | str, overrides: Sequence[str] = ()) -> Scenario:
     """Read, override (``fault.F1.resistance_ohm=5``) and validate a scenario file; raises InputError."""
-    return Scenario.load(path, overrides)
+    return Scenario.read(path, overrides)

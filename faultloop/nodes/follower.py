@@ -69,10 +69,12 @@ class BreakerFollower:
 def with_followed_breakers(scenario: BusTables, names: frozenset[str]) -> BusTables:
     """The scenario for the plant: a followed breaker has its own delay, and the plant adds none.
 
-    Its pole opens at the first current zero after the status that says so, and closes at once.
+    Its pole opens at the first current zero after the status that says so, and closes at once.  What it does
+    by itself is its own business.
     """
     breakers = [
         b.model_copy(update={"operate_ms": 0.0, "close_ms": 0.0}) if b.name in names else b
         for b in scenario.breaker
     ]
-    return scenario.model_copy(update={"breaker": tuple(breakers)})
+    switching = [s for s in scenario.switching if s.breaker not in names]
+    return scenario.model_copy(update={"breaker": tuple(breakers), "switching": tuple(switching)})

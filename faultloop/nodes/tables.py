@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from faultloop.plant.fault import Fault
     from faultloop.plant.line import Line
     from faultloop.plant.source import Source
+    from faultloop.plant.switching import Switching
 
 
 class BusTables(PlantTables):
@@ -31,6 +32,7 @@ class BusTables(PlantTables):
         line: tuple[Line, ...]
         fault: tuple[Fault, ...]
         breaker: tuple[Breaker, ...]
+        switching: tuple[Switching, ...]
 
     @property
     def path(self) -> Path | None:

@@ -23,6 +23,8 @@ class Breaker(Component):
     end: End
     operate_ms: Milliseconds = 40.0
     close_ms: Milliseconds = 80.0
+    closed: bool = True
+    """Whether its poles conduct when the run begins."""
 
     def check(self, tables: PlantTables) -> None:
         tables.find(Line, self.line, self.key("line"))
@@ -38,6 +40,6 @@ class Breaker(Component):
     def add(self, circuit: Circuit, tables: PlantTables) -> None:
         line = tables.find(Line, self.line, self.key("line"))
         inner = f"{self.line}:{self.end}"
-        number = circuit.add_switch(self.table, self.name, Poles(line.bus(self.end), inner))
+        number = circuit.add_switch(self.table, self.name, Poles(line.bus(self.end), inner, self.closed))
         circuit.terminals[self.line, self.end] = inner
         circuit.terms[self.line, self.end] = [("switch", number, 1.0)]

@@ -120,10 +120,10 @@ class PlantTables(Table):
 
     def _check_place(self, place: RelayPlace) -> None:
         """The names in a ``[[relay]]`` are each of an item of that table."""
-        for table in ("line", "breaker"):
+        for table in ("line", "breaker", "ct", "vt"):
             name = getattr(place, table)
             if name is not None:
-                names = {item.name: item for item in getattr(self, table)}
+                names = {item.name: item for item in getattr(self, table, ())}
                 known(name, names, table, f"relay[{place.name}].{table}")
 
     def beginning_at(self, begins_s: float) -> Self:

@@ -1,10 +1,11 @@
-"""From primary values to a relay's samples: anti-aliasing low-pass, noise, analog-to-digital converter."""
+"""From primary values to a relay's samples: instrument transformers, anti-aliasing low-pass, noise,
+analog-to-digital converter."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,11 @@ from numpy.typing import NDArray
 from faultloop.config.place import FrontEnd
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.plant.component import PlantTables
+from faultloop.plant.component import Component, PlantTables
+from faultloop.plant.ct import FLUX, Ct, Cts, ct_constants, ct_step, settle_ct
+from faultloop.plant.vt import MODES, Vt, Vts, settle_vt, vt_constants, vt_step
+
+C = TypeVar("C", bound=Component)
 
 SECTIONS = 2
 """Second-order sections of the longest low-pass."""
@@ -28,8 +33,11 @@ class FrontEnds(NamedTuple):
     term: NDArray[np.int64]
     """(terms,) row of current"""
     sign: NDArray[np.float64]
-    filtered: NDArray[np.bool_]
-    """(1,) whether any relay has a low-pass, so that every step must be delivered"""
+    ct: Cts
+    vt: Vts
+    stepped: NDArray[np.bool_]
+    """(1,) whether any relay has a low-pass or a transformer that is not ideal, so that every step must be
+    delivered"""
     lowpass: NDArray[np.float64]
     """(relays, SECTIONS, 5) b0 b1 b2 a1 a2"""
     sections: NDArray[np.int64]
@@ -59,6 +67,8 @@ def front_ends(
             rows = _butterworth(s, rate, f"relay[{tables.relay[i].name}].front_end.antialias_hz")
             lowpass[i, : len(rows)] = rows
     sections = [s.antialias_order // 2 if s.antialias_hz else 0 for s in settings]
+    cts = ct_constants(_named(tables, "ct", Ct), float(tables.system.frequency_hz), rate)
+    vts = vt_constants(_named(tables, "vt", Vt), float(tables.system.frequency_hz), rate)
     flat = [term for relay in terms for term in relay]
     rated_peak = tables.system.base_kv * 1e3 * math.sqrt(2 / 3)
     noise = [[s.voltage_noise_v] * 3 + [s.current_noise_a] * 3 for s in settings]
@@ -73,7 +83,9 @@ def front_ends(
         pointer=np.cumsum([0, *(len(t) for t in terms)]).astype(np.int64),
         term=np.array([row for row, _ in flat], dtype=np.int64),
         sign=np.array([sign for _, sign in flat], dtype=np.float64),
-        filtered=np.array([any(sections)]),
+        ct=cts,
+        vt=vts,
+        stepped=np.array([any(sections) or len(cts.relay) > 0 or len(vts.relay) > 0]),
         lowpass=lowpass,
         sections=np.array(sections, dtype=np.int64),
         seed=seeds.astype(np.uint64),
@@ -103,25 +115,74 @@ def _butterworth(settings: FrontEnd, rate: float, key: str) -> NDArray[np.float6
     return np.array(rows)
 
 
+def _named(tables: PlantTables, key: str, kind: type[C]) -> list[tuple[int, C]]:
+    """The transformers of that kind that relays name, each with the relay's number."""
+    return [
+        (i, tables.find(kind, name, f"relay[{relay.name}].{key}"))
+        for i, relay in enumerate(tables.relay)
+        if (name := getattr(relay, key)) is not None
+    ]
+
+
+class Analog(NamedTuple):
+    """What the front ends remember from step to step, views of the plant's buffer."""
+
+    ct: NDArray[np.float64]
+    """(cts, 3, 2) flux linkage [V s], secondary current [A]"""
+    vt: NDArray[np.float64]
+    """(vts, 3, modes + 1, 2) modes, and the last input [V]"""
+    lowpass: NDArray[np.float64]
+    """(relays, 6, SECTIONS, 2)"""
+
+
+def analog_shapes(front: FrontEnds) -> dict[str, tuple[int, ...]]:
+    """Of `Analog`."""
+    return {
+        "ct": (len(front.ct.relay), 3, 2),
+        "vt": (len(front.vt.relay), 3, MODES + 1, 2),
+        "lowpass": (len(front.bus), 6, SECTIONS, 2),
+    }
+
+
 def settle(
-    front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.complex128], angle: float
+    front: FrontEnds, state: Analog, x: NDArray[np.complex128], angle: float
 ) -> NDArray[np.complex128]:
-    """Adds to the filter states ``z`` (relays, 6, SECTIONS, 2) what an eternal sinusoid leaves in them before
-    step 0: ``x`` (relays, 6) its peak phasors at step 0, ``angle`` [rad] its turn per step.  Returns the
-    phasors behind the filters."""
+    """Adds to ``state`` what an eternal sinusoid leaves in it before step 0.
+
+    ``x`` (relays, 6) are its peak phasors at step 0, ``angle`` [rad] its turn per step.  Returns the phasors
+    behind the front ends."""
     back = np.exp(-1j * angle)
     behind = x.copy()
+    settle_ct(front.ct, state.ct, behind, angle)
+    settle_vt(front.vt, state.vt, behind, angle)
     for i, count in enumerate(front.sections):
-        signal = x[i]
+        signal = behind[i].copy()
         for s in range(count):
             b0, b1, b2, a1, a2 = front.lowpass[i, s]
             out = signal * (b0 + b1 * back + b2 * back**2) / (1 + a1 * back + a2 * back**2)
             second = (b2 * signal - a2 * out) * back
-            z[i, :, s, 0] += ((b1 * signal - a1 * out) * back + second * back).real
-            z[i, :, s, 1] += second.real
+            state.lowpass[i, :, s, 0] += ((b1 * signal - a1 * out) * back + second * back).real
+            state.lowpass[i, :, s, 1] += second.real
             signal = out
         behind[i] = signal
     return behind
+
+
+def magnetize(front: FrontEnds, state: Analog, tables: PlantTables) -> None:
+    """Adds the cores' remanence to the settled state.
+
+    Raises InputError where the load alone saturates one."""
+    hz = float(tables.system.frequency_hz)
+    cores = [(i, ct) for i, ct in _named(tables, "ct", Ct) if ct.model == "saturating"]
+    for k, (_, ct) in enumerate(cores):
+        load = np.abs(state.ct[k, :, FLUX]).max()
+        if load > ct.flux_at_vs(hz):
+            raise InputError(
+                f"the load alone needs {load / ct.flux_at_vs(hz):.2g} times the flux at vs_v; "
+                "give a higher vs_v, a higher ratio or a smaller burden",
+                key=ct.key("vs_v"),
+            )
+        state.ct[k, :, FLUX] += ct.remanence_pu * ct.flux_at_vs(hz)
 
 
 @njit
@@ -136,6 +197,14 @@ def measure(
             for t in range(front.pointer[i], front.pointer[i + 1]):
                 total += front.sign[t] * current[front.term[t], p]
             x[i, 3 + p] = total
+
+
+@njit
+def transform(front: FrontEnds, state: Analog, x: NDArray[np.float64]) -> None:
+    """One step of everything that remembers, in place."""
+    ct_step(front.ct, state.ct, x)
+    vt_step(front.vt, state.vt, x)
+    lowpass(front, state.lowpass, x)
 
 
 @njit

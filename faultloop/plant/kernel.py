@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.plant.arrays import Network, State
 from faultloop.plant.elements import Floats, Ints
 from faultloop.plant.elements.bergeron import (
     wave_currents,
@@ -29,7 +28,9 @@ from faultloop.plant.elements.branch import branch_currents, branch_histories, b
 from faultloop.plant.elements.emf import exact_emf, renew_emf
 from faultloop.plant.elements.switch import crossings, switch_currents, waiting
 from faultloop.plant.factor import Factor, solve
-from faultloop.plant.frontend import FrontEnds, convert, lowpass, measure
+from faultloop.plant.frontend import FrontEnds, convert, measure, transform
+from faultloop.plant.network import Network
+from faultloop.plant.state import State
 
 STEP, PER_SAMPLE, STOP, ROW, PENDING = range(5)
 """Of the clock: step number; steps per sample; step to stop at; row of the next sample; 1 while the present
@@ -81,7 +82,7 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
             if crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero):
                 return True
         # asked here and not in the function: a call passes a hundred array fields and takes 60 ns
-        if front.filtered[0] or clock[STEP] % clock[PER_SAMPLE] == 0:
+        if front.stepped[0] or clock[STEP] % clock[PER_SAMPLE] == 0:
             arrive(net, factor, state, watch, front, samples)
         else:
             clock[PENDING] = 0
@@ -159,8 +160,8 @@ def arrive(
     clock[PENDING] = 0
     switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
     measure(front, state.v, state.current, state.measured)
-    if front.filtered[0]:
-        lowpass(front, state.lowpass, state.measured)
+    if front.stepped[0]:
+        transform(front, state.analog, state.measured)
     if clock[STEP] % clock[PER_SAMPLE] == 0:
         convert(front, clock[STEP] // clock[PER_SAMPLE], state.measured, samples[clock[ROW]])
         clock[ROW] += 1

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from faultloop.plant.arrays import Network, State
 from faultloop.plant.circuit import Circuit
-from faultloop.plant.elements import GROUND, Floats, circulant
-from faultloop.plant.elements.bergeron import wave_constants
-from faultloop.plant.elements.branch import branch_constants
-from faultloop.plant.elements.emf import emf_constants
-from faultloop.plant.factor import Factor, elimination_order, factorize, symbolic
+from faultloop.plant.elements import GROUND, Floats, Ints, circulant
+from faultloop.plant.elements.bergeron import Waves, wave_constants
+from faultloop.plant.elements.branch import Branches, branch_constants
+from faultloop.plant.elements.emf import Emfs, emf_constants
+from faultloop.plant.factor import Factor, Structure, elimination_order, factorize, symbolic
 
 LEAKAGE_S = 1e-9
 """From every phase of every bus to ground: it defines the voltage of a part that breakers have cut off."""
+
+
+class Network(NamedTuple):
+    """Constants.  Rows of ``v``: buses in elimination order, ground, one per source."""
+
+    structure: Structure
+    emf: Emfs
+    branch: Branches
+    wave: Waves
+    switch_bus: Ints
+    """(switches, 2) rows of v"""
 
 
 class Model:
@@ -93,11 +105,3 @@ class Model:
             first, last = self.structure.pointer[min(k, m) : min(k, m) + 2]
             at = first + int(np.searchsorted(self.structure.row[first:last], max(k, m)))
             lower[at] -= y.ravel()
-
-
-def renew_switch_currents(model: Model, factor: Factor, state: State) -> None:
-    """Brings the currents through poles and faults up to the present voltages (as the kernel does only where
-    it needs them)."""
-    ends = model.network.switch_bus
-    across = state.v[ends[:, 0]] - state.v[ends[:, 1]]
-    state.switch_current[:] = np.einsum("spq,sq->sp", factor.switch.reshape(-1, 3, 3), across)

@@ -11,17 +11,24 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError, nearest
 from faultloop.plant import kernel
-from faultloop.plant.arrays import State, new_state
 from faultloop.plant.breaker import Breaker
 from faultloop.plant.build import circuit_of
 from faultloop.plant.component import PlantTables
 from faultloop.plant.elements.switch import POLE_BITS, Action, Kind, poles
-from faultloop.plant.frontend import SECTIONS, FrontEnds, convert_block, front_ends, settle
+from faultloop.plant.frontend import (
+    FrontEnds,
+    analog_shapes,
+    convert_block,
+    front_ends,
+    magnetize,
+    settle,
+)
 from faultloop.plant.kernel import PENDING, ROW, STEP, STOP, Watch
 from faultloop.plant.line import Line
-from faultloop.plant.network import Model, renew_switch_currents
+from faultloop.plant.network import Model
 from faultloop.plant.probe import Probe
-from faultloop.plant.steady import ROTATION, Steady, fill, steady_states
+from faultloop.plant.state import State, fill, new_state, renew_switch_currents
+from faultloop.plant.steady import ROTATION, Steady, steady_states
 
 NS = 1_000_000_000
 SLIPPING = 0.1
@@ -90,7 +97,7 @@ class Plant:
         self._breakers = {breaker.name: breaker for breaker in tables.all(Breaker)}
         self._seen_as = _numbered([switch.kind for switch in circuit.switches])
         self._front = self._front_ends()
-        self._buffer, self._state = _new_state(self._model, len(tables.relay))
+        self._buffer, self._state = _new_state(self._model, self._front)
         switches = len(circuit.switches)
         self._watch = Watch(
             clock=np.array([0, self.steps_per_sample, 0, 0, 1], dtype=np.int64),
@@ -293,7 +300,8 @@ class Plant:
                 x[i, :3] = s.v[front.bus[i]] * ROTATION
                 span = slice(front.pointer[i], front.pointer[i + 1])
                 x[i, 3:] = (front.sign[span] * s.current[front.term[span]]).sum() * ROTATION
-            self._before.append((s.angle, settle(front, self._state.lowpass, x, s.angle)))
+            self._before.append((s.angle, settle(front, self._state.analog, x, s.angle)))
+        magnetize(front, self._state.analog, self.tables)
 
     def _step_at(self, t_ns: int) -> int:
         """The first step at or after a time."""
@@ -310,12 +318,12 @@ def _numbered(kinds: list[Kind]) -> list[tuple[Kind, int]]:
 
 def _without(action: Action, switch: int, mask: int) -> Action:
     """A pending close less the poles that are now to open."""
-    if action.switch == switch and action.kind == "make":
+    if action.switch == switch and action.kind == "make" and not action.planned:
         return action._replace(mask=action.mask & ~mask)
     return action
 
 
-def _new_state(model: Model, relays: int) -> tuple[NDArray[np.float64], State]:
+def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], State]:
     branches, waves = len(model.circuit.branches), len(model.circuit.sections)
     rows, currents = len(model.row), branches + 2 * waves + len(model.circuit.switches)
     shapes = {
@@ -324,12 +332,11 @@ def _new_state(model: Model, relays: int) -> tuple[NDArray[np.float64], State]:
         "history": (branches, 3),
         "ring": (model.ring_slots, 6),
         "emf": (len(model.circuit.emfs), 3),
-        "lowpass": (relays, 6, SECTIONS, 2),
         "old_v": (rows, 3),
         "old_current": (currents, 3),
         "half_v": (rows, 3),
         "half_current": (currents, 3),
         "arriving": (waves, 6),
-        "measured": (relays, 6),
-    }
+        "measured": (len(front.bus), 6),
+    } | analog_shapes(front)
     return new_state(shapes, (branches, 2 * waves))

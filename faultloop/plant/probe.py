@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.plant.arrays import State
 from faultloop.plant.factor import Factor
-from faultloop.plant.network import Model, renew_switch_currents
+from faultloop.plant.network import Model
+from faultloop.plant.state import State, renew_switch_currents
 
 Phases = NDArray[np.float64]
 """(3,) of phases A, B, C."""

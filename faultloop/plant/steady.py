@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError
-from faultloop.plant.arrays import State
 from faultloop.plant.elements import GROUND, Complex
 from faultloop.plant.elements.switch import CONTACT_OHM
 from faultloop.plant.network import LEAKAGE_S, Model
@@ -129,36 +128,6 @@ def _currents(model: Model, angle: float, v: Complex) -> Complex:
         across = v[row[switch.start]] - v[row[switch.end]]
         out.append(across / CONTACT_OHM if switch.closed else 0j)
     return np.array(out)
-
-
-def fill(model: Model, states: Sequence[Steady], state: State) -> None:
-    """Puts the superposed steady states, as of step 0, into a state of zeros."""
-    state.v[:] = sum(_phases(s.v) for s in states).real
-    state.current[:] = sum(_phases(s.current) for s in states).real
-    state.emf[:, 2] = -1
-    net = model.network.branch
-    across = state.v[net.bus[:, 0]] - state.v[net.bus[:, 1]]
-    # positive sequence has no sum, so only the own terms of P and K act
-    state.history[:] = net.trapezoid[:, 2:3] * across + net.trapezoid[:, 4:5] * state.branch_current
-    first = len(across)
-    for w, section in enumerate(model.circuit.sections):
-        offset, mask = model.network.wave.tap[w, :2]
-        steps = np.arange(-int(mask), 1)
-        slots = offset + (steps & mask)
-        for end, node in enumerate((section.start, section.end)):
-            for s in states:
-                u = (
-                    section.wave.y[1] * s.v[model.row[node]]
-                    + section.wave.h[1] * s.current[first + 2 * w + end]
-                )
-                past = u * np.exp(1j * s.angle * steps)
-                # Clarke: of a positive sequence, beta lags alpha by 90 degrees and there is no zero sequence
-                state.ring[slots, 2 * end] += past.real
-                state.ring[slots, 2 * end + 1] += (-1j * past).real
-
-
-def _phases(positive: Complex) -> Complex:
-    return positive[:, None] * ROTATION
 
 
 def voltage(model: Model, states: Sequence[Steady], node: str, steps: NDArray[np.int64]) -> Complex:

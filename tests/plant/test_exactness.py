@@ -10,17 +10,25 @@ from hypothesis import strategies as st
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Change, Plant
 from tests.plant.record import now_ns
-from tests.plant.reference import build
+from tests.plant.reference import build, network
 
 TOTAL = 700
 
 
 def eventful(model: str) -> Scenario:
-    """Two faults, one removed, front ends with noise, breakers at both ends."""
+    """Two faults, one removed, front ends with noise, transformers, breakers at both ends, one switches."""
     front = {"antialias_hz": 900.0, "antialias_order": 4, "voltage_noise_v": 50.0, "current_noise_a": 1.0}
+    relays = network(model)["relay"]
+    relays[0] |= {"ct": "T", "vt": "V"}
+    ct = {"name": "T", "ratio": [500, 1], "model": "saturating", "vs_v": 60.0, "burden_ohm": [4.0, 1.0]}
     return build(
         model,
         front_end=front,
+        relay=relays,
+        ct=[ct | {"remanence_pu": 0.4}],
+        vt=[{"name": "V", "ratio": [220e3, 110.0], "model": "cvt", "circuit": "A2"}],
+        load=[{"name": "P", "bus": "B", "mw": 50.0, "mvar": -20.0, "connection": "delta"}],
+        switching=[{"breaker": "QB", "operation": "close", "poles": "AB", "at_s": 0.11}],
         breaker=[
             {"name": "QA", "line": "L", "end": "from", "operate_ms": 20.3, "close_ms": 31.7},
             {"name": "QB", "line": "L", "end": "to", "operate_ms": 24.0, "close_ms": 31.7},

@@ -84,6 +84,8 @@ class Action(NamedTuple):
     kind: Literal["make", "part"]
     switch: int
     mask: int
+    planned: bool = False
+    """By the scenario; no command takes it back."""
 
 
 def poles(mask: int) -> NDArray[np.bool_]:
