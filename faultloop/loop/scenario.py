@@ -65,9 +65,11 @@ class AnyScenario(BusTables):
         letters = {kind.table: kind.letter for kind in cls.components if kind.letter} | {"bus_fault": "B"}
         for table, letter in letters.items():
             items = data.get(table)
-            for number, item in enumerate(items if isinstance(items, list) else [], 1):
-                if isinstance(item, dict):
-                    item.setdefault("name", f"{letter}{number}")
+            if isinstance(items, list):
+                data[table] = [
+                    {"name": f"{letter}{number}"} | item if isinstance(item, dict) else item
+                    for number, item in enumerate(items, 1)
+                ]
         return data
 
     def check(self) -> None:

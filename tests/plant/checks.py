@@ -195,6 +195,51 @@ def closing(case: Case) -> Case:
     }
 
 
+SWINGING = ((1.0, 10.0), (6.0, 40.0), (2.0, 20.0))
+"""[ohm] behind A, the line, behind B."""
+
+
+def between_two(k: float, at_s: list[float], angle_deg: list[float], share: float = 1.0) -> Plant:
+    """Two sources over a line without capacitance; that at A is ``k`` of the other.
+
+    It takes its share of the swing, that at B the rest."""
+    behind_a, line, behind_b = SWINGING
+    own = network("rl")["line"][0] | {"length_km": 1.0}
+    own |= {"r1_ohm_per_km": line[0], "x1_ohm_per_km": line[1]}
+    sources = [
+        {"name": bus, "bus": bus, "voltage_pu": pu, "z1_ohm": list(z), "z0_ohm": list(z)}
+        for bus, pu, z in (("A", k, behind_a), ("B", 1.0, behind_b))
+    ]
+    swing = [
+        {"source": bus, "at_s": at_s, "angle_deg": [part * angle for angle in angle_deg]}
+        for bus, part in (("A", share), ("B", share - 1.0))
+    ]
+    return Plant(build("rl", line=[own], source=sources, swing=swing, scenario={"duration_s": 5.0}))
+
+
+def swing_locus(case: Case) -> Case:
+    """The impedance at A once the source stands at its angle."""
+    x, _ = record(between_two(case["k"], [0.1, 0.6], [0.0, case["d_deg"]]), 6720)
+    at_a = phasors(x, 0, 4800)[0]
+    z = at_a[0] / at_a[3]
+    return {"z_ohm": np.array([z.real, z.imag])}
+
+
+def swing_speed(case: Case) -> Case:
+    """How fast the impedance of the space vectors moves where the angle has its values.
+
+    Each source takes half of the slip."""
+    slip = case["slip_hz"]
+    x, _ = record(between_two(1.0, [0.0, 0.9 / slip], [0.0, 324.0], share=0.5), round(0.9 / slip * 4800))
+    vectors = x[:, 0].reshape(-1, 2, 3) @ np.array([1, A, A**2])
+    z = vectors[:, 0] / vectors[:, 1]
+    speed = []
+    for d in case["d_deg"]:
+        first, last = (round((d + side) / 360 / slip * 4800) for side in (-1, 1))
+        speed.append(abs(z[last] - z[first]) * 4800 / (last - first))
+    return {"ohm_per_s": np.array(speed)}
+
+
 def build_from(data: Case) -> Any:
     return type(build("rl")).from_dict(data)
 
@@ -205,4 +250,6 @@ CHECKS: dict[str, Callable[[Case], Case]] = {
     "cvt": cvt,
     "load": load,
     "closing": closing,
+    "swing locus": swing_locus,
+    "swing speed": swing_speed,
 }

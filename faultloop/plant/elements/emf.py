@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from faultloop.jit import njit
-from faultloop.plant.elements import HALF_ROOT_3, Floats
+from faultloop.plant.elements import HALF_ROOT_3, Floats, Ints
 from faultloop.plant.elements.series_rl import SeriesRL
 
 BLOCK = 32
@@ -26,7 +26,10 @@ class Emf:
     """Phase to ground, peak [V]."""
     frequency_hz: float
     phase: float
-    """Of phase A against cos(2 pi f t) [rad]."""
+    """Of phase A against cos(2 pi f t) [rad], when the run begins."""
+    swing: tuple[tuple[float, float], ...] = ()
+    """Times [s], ascending, and how far the phase then has moved [rad]: on straight lines between them, and
+    nowhere before the first and after the last."""
 
 
 class Emfs(NamedTuple):
@@ -38,6 +41,10 @@ class Emfs(NamedTuple):
     """(sources, BLOCK, 2) cos, sin of the angle turned in k steps"""
     rate: Floats
     """(1,) steps per second"""
+    first_point: Ints
+    """(sources + 1,) first row of ``swing`` of each source"""
+    swing: Floats
+    """(points, 2) time [steps], how far the phase has moved [rad]"""
 
 
 def emf_constants(emfs: Sequence[Emf], rate: int) -> Emfs:
@@ -48,6 +55,8 @@ def emf_constants(emfs: Sequence[Emf], rate: int) -> Emfs:
         wave=np.array([[e.amplitude, e.frequency_hz, e.phase] for e in emfs]),
         turn=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         rate=np.array([float(rate)]),
+        first_point=np.cumsum([0, *(len(emf.swing) for emf in emfs)]).astype(np.int64),
+        swing=np.array([(t * rate, x) for emf in emfs for t, x in emf.swing]).reshape(-1, 2),
     )
 
 
@@ -57,6 +66,10 @@ def renew_emf(emfs: Emfs, kept: Floats, v: Floats, step: int) -> None:
     block, and that block's number."""
     block, turn = step // BLOCK, step % BLOCK
     for s in range(emfs.wave.shape[0]):
+        if emfs.first_point[s + 1] > emfs.first_point[s]:
+            angle = emf_angle(emfs, s, float(step)) + swing_angle(emfs, s, float(step))
+            put_emf(emfs, v, s, math.cos(angle), math.sin(angle))
+            continue
         if kept[s, 2] != block:
             angle = emf_angle(emfs, s, float(block * BLOCK))
             kept[s, 0], kept[s, 1] = math.cos(angle), math.sin(angle)
@@ -70,7 +83,7 @@ def renew_emf(emfs: Emfs, kept: Floats, v: Floats, step: int) -> None:
 def exact_emf(emfs: Emfs, v: Floats, time: float) -> None:
     """Voltages at any time [steps] into their rows of v."""
     for s in range(emfs.wave.shape[0]):
-        angle = emf_angle(emfs, s, time)
+        angle = emf_angle(emfs, s, time) + swing_angle(emfs, s, time)
         put_emf(emfs, v, s, math.cos(angle), math.sin(angle))
 
 
@@ -79,6 +92,21 @@ def emf_angle(emfs: Emfs, s: int, time: float) -> float:
     """Phase A's angle at a time [steps]; whole cycles are taken out first, so it never loses digits."""
     rate = emfs.rate[0]
     return 2 * math.pi * ((emfs.wave[s, 1] * time % rate) / rate) + emfs.wave[s, 2]
+
+
+@njit
+def swing_angle(emfs: Emfs, s: int, time: float) -> float:
+    """How far a source's phase has moved at a time [steps]."""
+    first, last = emfs.first_point[s], emfs.first_point[s + 1] - 1
+    if last < first:
+        return 0.0
+    if time <= emfs.swing[first, 0]:
+        return emfs.swing[first, 1]
+    for k in range(first, last):
+        t, u = emfs.swing[k, 0], emfs.swing[k + 1, 0]
+        if time < u:
+            return emfs.swing[k, 1] + (emfs.swing[k + 1, 1] - emfs.swing[k, 1]) * (time - t) / (u - t)
+    return emfs.swing[last, 1]
 
 
 @njit(forceinline=True)
