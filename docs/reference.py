@@ -36,7 +36,7 @@ MODULES: dict[str, dict[str, str]] = {
         "faultloop.relay.events": "Event Trip",
         "faultloop.relay.functions.function": "Function",
         "faultloop.relay.layout": "instances Instance",
-        "faultloop.relay.user_code": "load",
+        "faultloop.config.user_code": "load",
     },
     "estimators": {
         "faultloop.relay.estimators.base": "Estimator run_estimator",

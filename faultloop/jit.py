@@ -182,7 +182,13 @@ def _keep(kernel: Any, function: Callable[..., Any]) -> None:
     if package != "faultloop":  # a user's own kernel: numba's own place, if it finds one
         with suppress(RuntimeError):
             kernel._cache = _Cache(function)
-    elif cache_root() is not None:
+    else:
         area = rest.partition(".")[0]
-        with cache_folder(f"{area}-{source_digest(area)}"):
+        keep_in(f"{area}-{source_digest(area)}", kernel, function)
+
+
+def keep_in(folder: str, kernel: Any, function: Callable[..., Any]) -> None:
+    """Give a kernel made of ``function`` its file cache in a folder of the cache, where there is a place."""
+    if cache_root() is not None:
+        with cache_folder(folder):
             kernel._cache = _Cache(function)

@@ -16,6 +16,9 @@ def command(
     rerun: Annotated[
         str | None, typer.Option(metavar="spawn|serve|F.rrd|URL", help="Stream to a rerun viewer or file.")
     ] = None,
+    sink: Annotated[
+        list[str] | None, typer.Option("--sink", metavar="NAME", help="Write to an installed package's sink.")
+    ] = None,
     can: Annotated[
         str | None, typer.Option(metavar="INTERFACE:CHANNEL", help="The bus, as in socketcan:vcan0.")
     ] = None,
@@ -57,6 +60,8 @@ def command(
                     raise InputError(
                         "processes write a log: see it by `faultloop review --rerun`", key="--rerun"
                     )
+                if sink:
+                    raise InputError("processes write a log, and nothing else", key="--sink")
                 result = run_processes(
                     scenario,
                     can=can,
@@ -75,6 +80,7 @@ def command(
                     log=path,
                     overrides=set_ or [],
                     rerun=rerun,
+                    sinks=sink or [],
                     can=can,
                     pace=1.0 if realtime else pace,
                     without=without or [],

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from faultloop.config.user_code import load
 from faultloop.errors import InputError
 from faultloop.io.can.dbc import DBC_PATH
 from faultloop.io.messages import (
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
     from faultloop.relay import RelaySettings, Trip
 
 PLANT_EVENTS = "/plant/events"
+SINKS = "faultloop.sinks"
+"""Group of entry points."""
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
@@ -109,6 +112,25 @@ class MemorySink:
         else:
             values(rows)[:] = columns[{"samples": 2, "phasors": 3, "loops": 4}[what]]
         return rows
+
+
+def open_sinks(given: Sequence[Sink | str], start_ns: int, name: str) -> list[Sink]:
+    """Sinks, and those that installed packages bring: a name is that of ``make(start_ns, name) -> Sink``.
+
+    Raises
+    ------
+    InputError : no installed package brings it, or it cannot be made.
+    """
+    return [_made(sink, start_ns, name) if isinstance(sink, str) else sink for sink in given]
+
+
+def _made(sink: str, start_ns: int, name: str) -> Sink:
+    try:
+        return load(sink, Path(), SINKS)(start_ns, name)
+    except InputError as error:
+        raise InputError(error.what, key="--sink") from error
+    except Exception as error:  # whatever somebody's package raises
+        raise InputError(f"'{sink}' failed: {type(error).__name__}: {error}", key="--sink") from error
 
 
 class Recorder:

@@ -17,7 +17,7 @@ from faultloop.io.can.transport import Transport, open_transport
 from faultloop.loop.inputs import Given, Inputs, check_expectations, load_inputs
 from faultloop.loop.outcome import Cast, Fold
 from faultloop.loop.pacing import Pacing
-from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_streams
+from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_sinks, open_streams
 from faultloop.loop.result import Result
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.simulation import Simulation
@@ -36,7 +36,7 @@ def run(
     overrides: Sequence[str] = (),
     keep: bool | None = None,
     user_code: bool = True,
-    sinks: Sequence[Sink] = (),
+    sinks: Sequence[Sink | str] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Result:
     """Run a scenario closed-loop.
@@ -55,7 +55,7 @@ def run(
     overrides : ``"fault.F1.at_pu=0.7"``, ``"relay.RA.pdis.1.reach_pu=0.9"`` and the like.
     keep : keep samples and estimates in memory, for `Result.samples`; by default where there is no log.
     user_code : whether the relays' settings may name code; without it one that does is refused.
-    sinks : more places to write to.
+    sinks : more places to write to; a name is that of an entry point (group ``faultloop.sinks``).
     progress : called with the part done, 0 to 1.
 
     Raises
@@ -76,7 +76,8 @@ def run(
     (scenario, own), relays = overridden(made, overrides)
     memory = MemorySink() if (keep if keep is not None else log is None) else None
     fold = Fold(Cast.of_scenario(scenario, without))
-    recorder = Recorder([fold, *sinks, *([memory] if memory else [])])
+    more = open_sinks(sinks, scenario.scenario.start_ns, scenario.scenario.name)
+    recorder = Recorder([fold, *more, *([memory] if memory else [])])
     with _bus(scenario, can) as bus:
         # Everything that can be wrong is found before the first file is opened.
         simulation = Simulation(scenario, relays, recorder, bus, pace, without)

@@ -19,16 +19,19 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core.ccallback import CFunc
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
 from numba.extending import intrinsic, overload
 from numba.np.numpy_support import carray
 
 from faultloop.errors import InputError
-from faultloop.jit import cache_folder, cache_root, source_digest
+from faultloop.jit import keep_in, source_digest
 
 POINTERS = (types.voidptr,) * 4
 ENTRY = types.void(*POINTERS)
+FOLDER = "user"
+"""Of the cache."""
 CALLBACK = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 
 
@@ -72,10 +75,12 @@ def compiled_entry(source: str, step: Dispatcher, names: dict[str, Any]) -> Any:
     unique = f"entry_{mark or 'unknown'}"
     space = {"__name__": __name__, "step": step, "nothing": nothing, "carray": carray, **names}
     exec(compile(source.replace("def entry(", f"def {unique}("), __file__, "exec"), space)
-    options = {"cache": mark is not None and cache_root() is not None, "error_model": "numpy"}
+    entry = CFunc(space[unique], (ENTRY.args, ENTRY.return_type), {}, {"error_model": "numpy"})
+    if mark is not None:
+        keep_in(FOLDER, entry, space[unique])
     try:
-        with cache_folder("user"):
-            return numba.cfunc(ENTRY, **options)(space[unique])
+        entry.compile()
+        return entry
     except Exception as error:  # numba raises many types; all of them mean this
         raise InputError(f"step '{step.__name__}' does not compile: {_reason(error)}") from error
 
@@ -83,14 +88,15 @@ def compiled_entry(source: str, step: Dispatcher, names: dict[str, Any]) -> Any:
 def cached_step(step: Dispatcher) -> Dispatcher:
     """A step of the user's, ``step(state, x, out)``, behind one that the file cache can keep."""
     mark = fingerprint(step)
-    if mark is None or cache_root() is None:
+    if mark is None:
         return step
     unique = f"{step.__name__}_{mark}"
     space = {"__name__": __name__, "step": step}
     source = f"def {unique}(state, x, out):\n    return step(state, x, out)"
     exec(compile(source, __file__, "exec"), space)
-    with cache_folder("user"):
-        return numba.njit(cache=True, error_model="numpy")(space[unique])
+    kernel = numba.njit(error_model="numpy")(space[unique])
+    keep_in(FOLDER, kernel, space[unique])
+    return kernel
 
 
 def _reason(error: Exception) -> str:

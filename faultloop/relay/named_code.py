@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from faultloop.config.user_code import entry_point_names
 from faultloop.errors import InputError
 from faultloop.relay.settings import RelaySettings
-from faultloop.relay.user_code import entry_point_names
 
 _CODE = re.compile(r"^.+:[A-Za-z_][\w-]*$")
 """``package.module:name`` or ``file.py:name``, wherever it stands."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.user_code import entry_point_names, load
 from faultloop.errors import InputError
 from faultloop.relay import layout
 from faultloop.relay.chain import decide
@@ -21,7 +22,6 @@ from faultloop.relay.quantities import INPUTS, LOOPS, OUTPUTS
 from faultloop.relay.settings import RelaySettings
 from faultloop.relay.step import block_runner
 from faultloop.relay.texts import change_texts
-from faultloop.relay.user_code import entry_point_names, load
 from faultloop.relay.users import load_elements
 
 Array = NDArray[np.float64]

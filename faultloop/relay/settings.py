@@ -149,12 +149,6 @@ class RelaySettings(Tables):
         """A current setting in primary amperes; ``default`` (primary) where it was not given."""
         return default if value is None else value * self.ct_ratio
 
-    @property
-    def user_code(self) -> dict[str, str]:
-        """What in these settings names code of the user's own, by key; reading them has run none of it."""
-        named = {f"element[{element.name}].function": element.function for element in self.element}
-        return named | ({"estimator.method": self.estimator.method} if ":" in self.estimator.method else {})
-
     def samples(self, ms: float) -> int:
         """A time in samples."""
         return round(ms * self.relay.sampling_hz / 1000)

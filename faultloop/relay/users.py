@@ -19,12 +19,12 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from faultloop.config.tables import Table, validate
+from faultloop.config.user_code import load
 from faultloop.errors import InputError, nearest
 from faultloop.relay.entry import PythonEntry, at, compiled_entry
 from faultloop.relay.functions.element import ElementSettings
 from faultloop.relay.functions.function import Function
 from faultloop.relay.quantities import CONSTANTS, QUANTITIES, publish
-from faultloop.relay.user_code import load
 
 ROW = 26
 OUT = 2

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from faultloop.relay import RelaySettings
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.reference import reference
@@ -30,17 +28,3 @@ def test_the_schema_has_a_table_for_every_function() -> None:
         model = schema["$defs"][function.settings.__name__]
         assert (field.get("type") == "array") == (function.most > 1)
         assert set(model["properties"]) == set(function.settings.model_fields)
-
-
-@pytest.mark.parametrize(
-    ("more", "named"),
-    [
-        ({}, {}),
-        ({"estimator": {"method": "fourier"}}, {}),
-        ({"estimator": {"method": "my.py:make"}}, {"estimator.method": "my.py:make"}),
-        ({"element": [{"name": "X", "function": "x.py:step"}]}, {"element[X].function": "x.py:step"}),
-    ],
-)
-def test_settings_tell_what_code_they_name(more: dict, named: dict) -> None:
-    data = {"relay": {"frequency_hz": 50}, "line": {"z1_ohm": [3.0, 30.0], "z0_ohm": [12.0, 90.0]}}
-    assert RelaySettings.from_dict(data | more).user_code == named

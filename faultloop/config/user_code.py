@@ -1,7 +1,8 @@
 """Code of the user's own, by name: ``file.py:name``, ``package.module:name``, or the name of an entry point.
 
-An installed package registers what it brings under the groups ``faultloop.functions`` and
-``faultloop.estimators`` of its entry points; nothing is imported until it is asked for.
+An installed package registers what it brings under the groups ``faultloop.functions``,
+``faultloop.estimators`` or ``faultloop.sinks`` of its entry points; nothing is imported before it is asked
+for.
 """
 
 from __future__ import annotations
