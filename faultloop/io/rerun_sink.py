@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import socket
 import time
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 import numpy as np
 import pyarrow as pa
@@ -34,7 +31,7 @@ from faultloop.io.messages import (
     message_of,
     source_of,
 )
-from faultloop.io.output_file import open_part
+from faultloop.io.rerun_target import open_target
 from faultloop.io.rerun_view import (
     CLOCK,
     LOCUS_HZ,
@@ -48,7 +45,6 @@ from faultloop.io.rerun_view import (
 
 BLOCK_NS = 50_000_000  # what is sent at once
 ROWS = 960  # of a block when a whole log is sent
-GRPC_PORT = 9876
 
 
 class RelayStream:
@@ -88,65 +84,14 @@ class RerunSink:
         except ImportError as error:
             raise InputError("rerun is not installed: pip install rerun-sdk", key="--rerun") from error
         self.start_ns = start_ns
-        self.url: str | None = None
-        self._file: Path | None = None
         self._stream = self._rr.RecordingStream("faultloop", send_properties=True)
-        self._open(target)
+        self.url, self._file, self._part = open_target(self._rr, self._stream, target)
         self._stream.send_recording_name(name)
         self._relays: dict[str, RelayStream] = {}
         self._states: set[str] = set()
         self._texts: dict[str, list[tuple[int, str, str]]] = {}
         self._documents: list[str] = []
         self._layout_due = True
-
-    # -- where it goes -------------------------------------------------------------------------------
-
-    def _open(self, target: str) -> None:
-        if target == "spawn":
-            self._spawn()
-        elif target == "serve":
-            sink = self._rr.GrpcServerSink(bind_ip="127.0.0.1", port=GRPC_PORT, server_memory_limit="2GiB")
-            self._connect(sink, f"port {GRPC_PORT} is in use; is another viewer or server running?")
-            self.url = f"rerun+http://127.0.0.1:{GRPC_PORT}/proxy"
-        elif target.endswith(".rrd"):
-            self._file = Path(target)
-            self._part, stream = open_part(self._file)
-            stream.close()
-            self._connect(self._rr.FileSink(str(self._part)), "cannot be written")
-        elif target.startswith(("rerun://", "rerun+http://", "rerun+https://")):
-            where = urlsplit(target.replace("rerun+", "").replace("rerun://", "https://"))
-            try:  # a connection to no viewer would not fail, it would wait for ever
-                socket.create_connection(
-                    (where.hostname or "", where.port or (443 if where.scheme == "https" else 80)), timeout=3
-                ).close()
-            except OSError as error:
-                raise InputError(
-                    f"no viewer answers at {target}: start one with `rerun`", key="--rerun"
-                ) from error
-            self._connect(self._rr.GrpcSink(target), f"{target} is no address of a rerun viewer")
-        else:
-            raise InputError(
-                f"{target!r} is no rerun target; known: spawn, serve, FILE.rrd, rerun+http://HOST:PORT/proxy",
-                key="--rerun",
-            )
-
-    def _connect(self, sink: Any, says: str) -> None:
-        try:
-            self._stream.set_sinks(sink)
-        except (ValueError, RuntimeError, OSError) as error:
-            raise InputError(f"rerun: {says}", key="--rerun") from error
-
-    def _spawn(self) -> None:
-        experimental = importlib.import_module("rerun.experimental")
-        command = Path(importlib.import_module("rerun_cli").__file__ or "")
-        program = next((p for p in command.parent.glob("rerun*") if p.suffix in ("", ".exe")), None)
-        try:  # the package's own program: the one on PATH may be another version, or not there
-            experimental.ViewerClient.spawn(executable_path=str(program) if program else None, port=GRPC_PORT)
-        except (RuntimeError, OSError) as error:
-            raise InputError(
-                f"rerun's viewer does not start ({error}); is there a display?", key="--rerun"
-            ) from error
-        self._connect(self._rr.GrpcSink(f"rerun+http://127.0.0.1:{GRPC_PORT}/proxy"), "no viewer")
 
     # -- the calls of the log writer -----------------------------------------------------------------
 

@@ -149,7 +149,7 @@ def test_served_stream_reaches_a_client(
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    monkeypatch.setattr("faultloop.io.rerun_sink.GRPC_PORT", port)
+    monkeypatch.setattr("faultloop.io.rerun_target.GRPC_PORT", port)
     sink = RerunSink("serve", 0)
     assert sink.url == f"rerun+http://127.0.0.1:{port}/proxy"
     sink.add_relay("R", [])
@@ -178,7 +178,7 @@ def test_reruns_mcap_loader_takes_our_log(log_path: Path, tmp_path: Path) -> Non
     checked = rerun("mcap", "check", str(log_path), folder=tmp_path)
     assert checked.returncode == 0, checked.stderr
     lines = [line for line in checked.stdout.splitlines() if " /" in line and line.split()[0].isalpha()]
-    assert len(lines) == 13 and all(line.startswith("ok") for line in lines), checked.stdout
+    assert len(lines) == 14 and all(line.startswith("ok") for line in lines), checked.stdout
     converted = rerun("mcap", "convert", str(log_path), "-o", str(tmp_path / "x.rrd"), folder=tmp_path)
     assert converted.returncode == 0, converted.stderr
     from rerun.chunk import RrdReader
