@@ -106,7 +106,7 @@ def test_whole_log_comes_out_as_the_same_bytes(
     path = make_log(tmp_path / "run.mcap", rows=2000, compression=compression)
     result = recover_log(path, tmp_path / "out.mcap")
     assert result.whole and not result.cut_bytes and not result.damaged
-    assert result.messages.total() == 2000 * 8 + 6
+    assert result.messages.total() == 2000 * 8 + 7
     assert (tmp_path / "out.mcap").read_bytes() == path.read_bytes()
 
 
@@ -193,7 +193,7 @@ def test_inputs_that_are_refused(log_path: Path, tmp_path: Path) -> None:
     (tmp_path / "text.mcap").write_text("hello, no log at all", encoding="utf-8")
     (tmp_path / "empty.mcap").write_bytes(b"")
     out = tmp_path / "out.mcap"
-    for name, says in (("text", "not an MCAP"), ("empty", "is empty"), ("none", "No such file")):
+    for name, says in (("text", "not an MCAP"), ("empty", "is empty"), ("none", "no such file")):
         with pytest.raises(InputError, match=says):
             recover_log(tmp_path / f"{name}.mcap", out)
     with pytest.raises(InputError, match="another output"):
