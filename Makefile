@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: demo test test-slow lint lint-rules format bench constraints clean
+.PHONY: demo test test-slow lint format bench constraints clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -29,12 +29,10 @@ test: $(VENV)/.test  ## the tests
 test-slow: $(VENV)/.test
 	$(BIN)/python -m pytest -m "slow or not slow"
 
-lint-rules: $(VENV)/.dev
+lint: $(VENV)/.dev  ## lint, format, types, import rules
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
-
-lint: lint-rules  ## lint, format, types, import rules
 	$(BIN)/basedpyright
 
 format: $(VENV)/.dev

@@ -168,7 +168,7 @@ class RerunSink:
     def close(self) -> None:
         """Sends the rest.  A file gets its name; a server goes on serving until the program ends."""
         self.flush()
-        if self._file is not None:
+        if self._file is not None and self._part is not None:
             self._stream.disconnect()
             try:
                 self._part.replace(self._file)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 from faultloop.errors import InputError
 from faultloop.study.campaign.parts import Parts
@@ -40,7 +40,8 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
             ready.add(client.submit(_made, shared, number, pure=False, retries=2))
             return True
 
-        for _ in range(2 * max(sum(client.ncores().values()), 1)):
+        cores = cast("dict[str, int]", client.ncores())  # a coroutine for an asynchronous client alone
+        for _ in range(2 * max(sum(cores.values()), 1)):
             if not hand_out():
                 break
         for future in ready:

@@ -27,7 +27,7 @@ def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:
     counter = (case << 64) | attempt  # each case has 2**64 draws of its own, each attempt 2**32 blocks
     generator = np.random.Philox(key=seed, counter=counter << 64)
     raw = generator.random_raw(places) >> np.uint64(11)
-    return (raw + 0.5) * 2.0**-53
+    return np.asarray((raw + 0.5) * 2.0**-53, dtype=np.float64)
 
 
 class Sobol:

@@ -126,7 +126,7 @@ class Plan:
         """The scenario with these values, as parsed TOML, and each relay's settings by its name."""
         data = copy.deepcopy(self.files.scenario)
         relays = [relay for relay in data.get("relay", []) if isinstance(relay, dict)]
-        names = [relay.get("name") for relay in relays]
+        names = [str(relay.get("name")) for relay in relays]
         changes: list[tuple[str, str, str, Any]] = []
         for key, value in values.items():
             try:
@@ -137,7 +137,7 @@ class Plan:
                     changes.append((key, *setting, value))
             except InputError as error:
                 raise InputError(error.what, file=self.file, key=key) from None
-        own = {relay.get("name"): self.files.settings_of(str(relay.get("settings"))) for relay in relays}
+        own = {str(relay.get("name")): self.files.settings_of(str(relay.get("settings"))) for relay in relays}
         for key, name, setting, value in changes:
             path, text, content = own[name]
             try:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -229,11 +230,10 @@ def prepare_waves(out: Path, card: str) -> None:
 
 
 def _summary(out: Path, new: int) -> Summary:
-    import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
     table = pq.read_table(out, columns=["verdict", "error"])
-    counts = {item["values"]: item["counts"] for item in pc.value_counts(table["verdict"]).to_pylist()}
+    counts = Counter(table["verdict"].to_pylist())
     failures = len(table) - table["error"].null_count
-    right, wrong, unjudged = (counts.get(name, 0) for name in ("right", "wrong", "unjudged"))
+    right, wrong, unjudged = (counts[name] for name in ("right", "wrong", "unjudged"))
     return Summary(out, len(table), right, wrong, unjudged, failures, new)

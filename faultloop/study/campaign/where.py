@@ -29,7 +29,7 @@ def where_of(scenario: Scenario, relay: Any) -> Where:
         places = {fault.bus: 0.0}
     else:
         line = lines[fault.line]
-        x = fault.at_pu if fault.at_pu is not None else fault.at_km / line.length_km
+        x = fault.position(line)
         if fault.line == relay.line:
             x = x if relay.end == "from" else 1 - x
             return "inside" if 0 < x < 1 else "behind" if x == 0 else "beyond"
