@@ -25,7 +25,8 @@ from faultloop.loop.runner import Interrupted
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CAN = "socketcan:vcan0"
-PACE = 0.2  # slow motion: the machine that tests this may have one busy processor
+PACES = (0.2, 0.05, 0.0125)  # slow motion: the machine that tests this may have one busy processor
+LATE_MS = 50.0
 
 
 def nodes_alive() -> list[int]:
@@ -65,6 +66,18 @@ def decisions(result: Result) -> list[tuple[str, str, int, str, int, int]]:
     return sorted(rows)
 
 
+def run_in_time(path: Path, log: Path) -> Result:
+    """A run that kept its time, slower where the machine was too busy for the pace: a relay that works on its
+    samples when the run is nearly over trips when nobody is left to open."""
+    for pace in PACES:
+        result = run_processes(path, can=CAN, pace=pace, log=log)
+        assert result.pacing is not None
+        late_ms = max(latency.greatest * pace for latency in result.pacing.latency.values())
+        if late_ms < LATE_MS:
+            return result
+    pytest.fail(f"the machine is too busy: {late_ms:.0f} ms late at a pace of {pace:g}")
+
+
 def log_of(result: Result) -> Log:
     assert result.log is not None
     return faultloop.open_log(result.log)
@@ -82,7 +95,7 @@ def assert_every_sample_is_there(log: Log, relays: int, total: int) -> None:
 def test_a_fault_trips_both_ends_as_in_the_simulation(tmp_path):
     """Five processes; every frame in the log; the same decisions at the same samples as in simulated time."""
     path = SCENARIOS / "ag-zone1.toml"
-    result = run_processes(path, can=CAN, pace=PACE, log=tmp_path / "run.mcap")
+    result = run_in_time(path, tmp_path / "run.mcap")
     simulated = faultloop.run(path, keep=True)
     assert result.died == ()
     assert {trip.relay for trip in result.trips} == {"RA", "RB"}
@@ -110,7 +123,7 @@ def test_a_fault_trips_both_ends_as_in_the_simulation(tmp_path):
 
 def test_each_pole_trips_on_its_own_as_in_the_simulation(tmp_path):
     path = SCENARIOS / "single-pole-trip.toml"
-    result = run_processes(path, can=CAN, pace=PACE, log=tmp_path / "run.mcap")
+    result = run_in_time(path, tmp_path / "run.mcap")
     simulated = faultloop.run(path)
     assert result.died == ()
     assert [row[:-1] for row in decisions(result)] == [row[:-1] for row in decisions(simulated)]
