@@ -15,6 +15,7 @@ from typing import Any
 
 from faultloop.io.output_file import write_aside
 from faultloop.review.plotly_config import CONFIG
+from faultloop.study.diagram import Diagram
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,9 @@ class Check:
 class Report:
     """The result of one suite, or of one part of it.
 
-    ``figures`` are plotly figures with their titles; they are drawn on the page only.  ``failed`` is why the
-    report could not be made, in one line; what is in it by then stands.
+    ``figures`` are plotly figures with their titles, drawn on the page only; ``diagrams`` are drawn on the
+    page and in the picture.  ``failed`` is why the report could not be made, in one line; what is in it by
+    then stands.
     """
 
     name: str
@@ -86,6 +88,7 @@ class Report:
     tables: list[Table] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
     figures: list[tuple[str, Any]] = field(default_factory=list)
+    diagrams: list[Diagram] = field(default_factory=list)
     failed: str = ""
 
     @property
@@ -150,7 +153,8 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
         parts += [f"<p>{escape(line)}</p>" for line in report.text]
         tables = [*report.tables, *([check_table(report)] if report.checks else [])]
         parts += [_html_table(table) for table in tables]
-        for title, figure in report.figures:
+        drawn = [(diagram.title, diagram.plotly()) for diagram in report.diagrams]
+        for title, figure in [*drawn, *report.figures]:
             parts.append(f"<h2>{escape(title)}</h2>")
             parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly, config=CONFIG))
             plotly = False

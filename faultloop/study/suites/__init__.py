@@ -11,6 +11,7 @@ from faultloop.study.report import Report
 
 SUITES = {
     "bus": "a breaker node under fuzzed frames; the bus under faults",
+    "distance": "type tests of the distance relay, in the style of IEC 60255-121",
     "estimators": "every estimator over decay constants, inception angles, noise and frequency",
     "seeds": "the five papers' cases, their figures beside ours",
     "synchrophasor": "the class tests of IEC/IEEE 60255-118-1",
@@ -23,6 +24,7 @@ def run_suite(
     *,
     quick: bool = False,
     progress: Callable[[float], Any] | None = None,
+    **more: Any,
 ) -> list[Report]:
     """Run a suite, or parts of it by name.
 
@@ -30,6 +32,7 @@ def run_suite(
     ----------
     quick : fewer cases and seeds, for tests and CI; the reports say so.
     progress : called with the part done, 0 to 1.
+    more : what only some suites take, as their ``TAKES`` says; None is not given.
 
     Raises InputError for an unknown suite or part.
     """
@@ -41,6 +44,10 @@ def run_suite(
         raise InputError(
             f"'{unknown[0]}' is no part of {name}; {nearest(unknown[0], module.PARTS)}", key="suite"
         )
+    given = {key: value for key, value in more.items() if value is not None}
+    for key in given:
+        if key not in getattr(module, "TAKES", ()):
+            raise InputError(f"{name} takes none; leave it out", key=f"--{key}")
     return module.run(
-        list(parts) or list(module.PARTS), quick=quick, progress=progress or (lambda part: None)
+        list(parts) or list(module.PARTS), quick=quick, progress=progress or (lambda part: None), **given
     )

@@ -1,0 +1,54 @@
+"""Type tests of the distance relay in the style of IEC 60255-121: docs/distance-suite.md."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from importlib import import_module
+from pathlib import Path
+from typing import Any, cast
+
+from faultloop.study.report import Report
+from faultloop.study.suites.distance.section import Section
+from faultloop.study.suites.distance.sweep import Sweep, run_sweeps
+
+PARTS = {"operate-time": "operate_time"}
+TAKES = ("workers", "keep")
+
+
+def section(part: str) -> Section:
+    """The module of a part."""
+    return cast("Section", import_module(f"faultloop.study.suites.distance.sections.{PARTS[part]}"))
+
+
+def run(
+    parts: Sequence[str],
+    *,
+    quick: bool,
+    progress: Callable[[float], Any],
+    workers: int = 1,
+    keep: Path | None = None,
+) -> list[Report]:
+    """One report for each part.
+
+    Parameters
+    ----------
+    workers : processes; 1 runs in this one.
+    keep : a folder for the campaigns' Parquet files; what is there is not run again.
+    """
+    sweeps: dict[str, dict[str, Sweep]] = {part: section(part).sweeps(quick) for part in parts}
+    together = {name: sweep for own in sweeps.values() for name, sweep in own.items()}
+    folder = tempfile.TemporaryDirectory(prefix="faultloop-suite-") if keep is None else nullcontext(keep)
+    with folder as place:
+        Path(place).mkdir(parents=True, exist_ok=True)
+        rows = run_sweeps(together, Path(place), workers, progress)
+    reports = []
+    for part, own in sweeps.items():
+        report = Report(f"distance-{part}", section(part).TITLE)
+        if quick:
+            report.text.append("Quick: few of the cases.")
+        section(part).fill(report, {name: rows[name] for name in own})
+        report.text.append(f"{sum(sweep.cases for sweep in own.values())} cases.")
+        reports.append(report)
+    return reports
