@@ -6,7 +6,5 @@ They run and are told as expected failures, so that nobody takes them for passed
 OPEN = (
     "test_bad_inputs.py::test_an_input_that_is_none[run-keys-",
     "test_comtrade_mutations.py::test_mutations",
-    "test_random.py::test_never_the_wrong_way_and_never_too_far[",
-    "test_records.py::test_transformer_inrush",
     "test_plugin.py::test_a_failure_says_what_happened_instead",
 )

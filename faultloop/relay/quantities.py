@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay import energy, memory, recent
+from faultloop.relay import energy, memory, recent, voltages
 from faultloop.relay.energy import ENERGY
 from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2
 from faultloop.relay.recent import RECENT, SQRT2
@@ -96,6 +96,7 @@ QUANTITIES = np.dtype(
         ("received", "i8"),  # pilot bits from the far end
         ("was_closed", "i8"),
         ("dead", "i8"),  # mask of poles without current, by the samples and by the breaker
+        ("proven", "i8"),  # mask of phases whose voltage can be relied on
         # the memory, and what is new against it
         ("memory", MEMORY),
         ("sound", "i8"),  # nothing looks like a fault; judged only while the memory is not ready
@@ -281,6 +282,8 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
         q.memory.fed |= memory.current_differs(g, q.x, q.memory.reference)
     else:
         energy.rest(g, q.energy, ready)
+        if q.memory.tick == 0 and q.memory.seen > g.settling:
+            voltages.prove(g, q)
     q.fed = q.memory.fed if q.disturbed else 0
     forget(q)
 

@@ -67,16 +67,23 @@ def test_it_is_ready_again_once_the_fault_is_gone() -> None:
     assert texts[-1] == "LPHD1 ready"
 
 
+@pytest.mark.parametrize("alive", [True, False])
 @pytest.mark.parametrize("depth", [0.0, 0.3, 0.9])
-def test_a_dead_line_is_switched_onto_a_fault(depth: float) -> None:
+def test_a_dead_line_is_switched_onto_a_fault(depth: float, alive: bool) -> None:
+    """At no voltage at all only if the voltage was ever there."""
     x = three_phase(depth)
+    before = x[: round(FAULT_S * FS)].copy() if alive else np.zeros((0, 6))
     x[: round(FAULT_S * FS)] = 0.0
-    x = np.concatenate([np.zeros((FS // 4, 6)), x])
-    trips, _ = run(relay(), x)
+    x = np.concatenate([before, np.zeros((FS // 4, 6)), x])
+    trips, texts = run(relay(), x)
+    if depth == 0.0 and not alive:
+        assert not trips
+        assert any("not ready" in text and "no voltage" in text for text in texts)
+        return
     assert trips, "no trip"
     at, trip = trips[0]
     assert (trip.function, trip.poles) == ("PSOF1", 7)
-    assert 1000 * (at - FS // 4) / FS - 100 < 60
+    assert 1000 * (at - len(before) - FS // 4) / FS - 100 < 60
 
 
 @pytest.mark.parametrize("depth", [2.0, 20.0])

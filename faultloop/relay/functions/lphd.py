@@ -1,7 +1,8 @@
 """LPHD: whether the relay is ready, and why not.
 
 Zones, direction and phase selection need the memory of a healthy system.  Until there is one, and while there
-is none any more, they are blocked, ``LPHD1.PhyHealth`` is on, and an event says the cause.
+is none any more, they are blocked, ``LPHD1.PhyHealth`` is on, and an event says the cause.  So it is with a
+phase whose voltage is missing: its loops are blocked.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 from faultloop.config.tables import Milliseconds, Table
 from faultloop.jit import njit
-from faultloop.relay.events import Event, Names
+from faultloop.relay.events import Event, Names, poles_text
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import is_frequency, positive_sequence, size2
 from faultloop.relay.quantities import Record, indicate
@@ -21,7 +22,8 @@ from faultloop.relay.quantities import Record, indicate
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
-READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING = range(7)
+READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, MISSING = range(8)
+ALL_PHASES = 7
 CAUSES = (
     "",
     "the estimator settles",
@@ -47,9 +49,9 @@ def values(settings: RelaySettings, table: Lphd) -> dict[str, Any]:
 
 @njit
 def cause(g: Record, q: Record) -> int:
-    """Why the zones cannot work at this sample."""
+    """Why the zones, or some loops, cannot work at this sample."""
     if q.ready:
-        return READY
+        return READY if q.proven == ALL_PHASES else MISSING
     if q.memory.seen <= g.settling:
         return SETTLING
     if q.memory.blind > 0:
@@ -66,12 +68,13 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample; a cause is told once the relay has not been ready for a quarter of a cycle, at the start
     for ``start_ms``; readiness at once."""
     now = cause(g, q)
-    w.was_ready |= now == READY
+    w.was_ready |= q.ready
     w.count = 0 if now == READY else w.count + 1
     late = 4 * w.count >= g.cycle if w.was_ready else w.count >= c.start
     told = now == SETTLING or (w.cause != READY and now != UNSOUND)  # one cause is enough, but for this one
-    if now != w.cause and (now == READY or (late and not told)):
+    if now != w.cause and (now in (READY, MISSING) or (late and not told)):
         w.cause = now
+        w.missing = ALL_PHASES & ~q.proven
         q.notices += 1
     indicate(q, c.bit, now != READY)
 
@@ -82,6 +85,10 @@ def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
         return
     if now["cause"] == READY:
         yield Event(names.sample, "info", "LPHD1 ready")
+    elif now["cause"] == MISSING:
+        phases = poles_text(int(now["missing"]))
+        text = f"LPHD1 no voltage of phase {phases} was there before: its loops are blocked"
+        yield Event(names.sample, "warning", text)
     else:
         yield Event(names.sample, "warning", f"LPHD1 not ready, zones blocked: {CAUSES[int(now['cause'])]}")
 
@@ -92,7 +99,7 @@ LPHD = Function(
     step=step,
     constants=(("start", "i8"),),
     values=values,
-    state=(("cause", "i8"), ("count", "i8"), ("was_ready", "i8")),
+    state=(("cause", "i8"), ("count", "i8"), ("was_ready", "i8"), ("missing", "i8")),
     always=True,
     bits=("PhyHealth",),
     told=False,

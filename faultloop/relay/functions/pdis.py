@@ -51,10 +51,10 @@ CROSS_PHASE = complex(0, -(3**0.5))
 SELF_OFFSET = 0.05
 HYSTERESIS = 1.05
 OUTSIDE = np.inf
-LEFT_FACTOR = 2.0
+DOUBT = 2.0
 """How much what the fit leaves counts against the depth."""
+BY_PHASORS = 0.0
 POINTS = 73
-BY_PHASORS, IN_TIME = range(2)
 
 
 def _polar(value: Any) -> Any:
@@ -265,8 +265,8 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
 
 
 @njit
-def depth_in_time(g: Record, q: Record, c: Record, loop: int) -> float:
-    """m by the samples of the loop, with what the fit leaves added to it.
+def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> float:
+    """m by the samples of the loop, with ``doubt`` times what the fit leaves added to it.
 
     The window is half a cycle, and grows with the disturbance to one and a half: what still resonates then is
     the slower the longer it has lasted, and wants a longer mean.
@@ -275,13 +275,13 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int) -> float:
     mean = max(length // 3, 1)
     sums = gather(g, q.recent, (c.reach, c.k0 * c.reach), loop, mean, length - mean)
     m, left = fit(sums, -1 if c.direction < 0 else 1)
-    return (abs(m) if c.direction == 0 else m) + LEFT_FACTOR * left
+    return (abs(m) if c.direction == 0 else m) + doubt * left
 
 
 @njit
-def zone_depth(g: Record, q: Record, c: Record, mask: int, measure: int) -> float:
-    """m of the released loops, by `depth` or by `depth_in_time`; of three, the middle one (two of three
-    must be inside)."""
+def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float) -> float:
+    """m of the released loops, by `depth` or, with a ``doubt``, by `depth_in_time`; of three, the middle one
+    (two of three must be inside)."""
     if c.direction != 0 and q.direction != c.direction:
         return OUTSIDE
     low, middle, high, count = OUTSIDE, OUTSIDE, OUTSIDE, 0
@@ -289,7 +289,7 @@ def zone_depth(g: Record, q: Record, c: Record, mask: int, measure: int) -> floa
         if not (mask >> loop) & 1:
             continue
         count += 1
-        m = depth(g, q, c, loop) if measure == BY_PHASORS else depth_in_time(g, q, c, loop)
+        m = depth(g, q, c, loop) if doubt == BY_PHASORS else depth_in_time(g, q, c, loop, doubt)
         if m < low:
             low, middle, high = m, low, middle
         elif m < middle:
@@ -318,6 +318,7 @@ def security_step(m: float) -> float:
 def reset_zone(w: Record) -> None:
     """Back to rest."""
     w.counter = 0.0
+    w.inside = 0
     w.fault = 0
     w.outside = 0
     w.pickup = 0
@@ -329,6 +330,16 @@ def reset_zone(w: Record) -> None:
 def delay(c: Record, fault: int) -> int:
     """Of the zone for a type of fault [samples]."""
     return c.delay_ground if fault <= 3 else c.delay_phase
+
+
+@njit
+def doubt(g: Record, w: Record) -> float:
+    """How much what the fit leaves counts, after a cycle inside less and less.
+
+    What rings has gone by then, and what stays - noise, an offset that a transformer has added - says nothing
+    against the depth.
+    """
+    return DOUBT * min(1.0, g.cycle / w.inside)
 
 
 @njit
@@ -346,12 +357,14 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
     else:
         if q.fault != w.fault or m >= 1:
             w.counter = 0.0
+            w.inside = 0
             w.fault = q.fault
         if m < 1:
             w.counter += security_step(m)
+            w.inside += 1
         if m >= 1 or w.counter < c.security:
             return
-        if delay(c, q.fault) < g.cycle and zone_depth(g, q, c, mask, IN_TIME) >= 1:
+        if delay(c, q.fault) < g.cycle and zone_depth(g, q, c, mask, doubt(g, w)) >= 1:
             return
         w.pickup = 1
         w.outside = 0
@@ -458,6 +471,7 @@ PDIS = Function(
     values=values,
     state=(
         ("counter", "f8"),
+        ("inside", "i8"),  # samples in a row
         ("fault", "i8"),  # the type it started with
         ("outside", "i8"),
         ("pickup", "i8"),

@@ -28,6 +28,7 @@ from faultloop.jit import njit
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import size2, weight
 from faultloop.relay.quantities import LOOPS, Record, indicate
+from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -120,17 +121,12 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
 
 @njit
 def released(q: Record, fault: int) -> int:
-    """Mask of the loops that may start: those of the fault type, without dead poles.
+    """Mask of the loops that may start: those of the fault type, without dead poles and missing voltages.
 
     In the dead time of a single-pole trip a dead pole's loops see what the other phases induce.
     """
     mask = LOOP_MASK[fault]
-    if mask == 0:
-        return mask
-    for phase in range(3):
-        if (q.dead >> phase) & 1:
-            mask &= ~((1 << phase) | (8 << phase) | (8 << ((phase + 2) % 3)))
-    return mask
+    return mask & ~loops_of(q.dead | (7 & ~q.proven)) if mask else 0
 
 
 @njit

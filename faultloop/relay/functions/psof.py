@@ -6,20 +6,43 @@ an impedance shorter than the line can only have been switched onto a fault.  So
 without current and voltage the function is armed for ``armed_ms`` from the first current on; a loop of
 the six whose impedance lies within a circle of ``reach_pu`` of the line about the origin for ``delay_ms``
 trips three poles.  Once there is a healthy voltage the memory is ready, and the zones take over.
+
+What else comes with an energised line must not be taken for a fault:
+
+- a load, behind a long line: beyond half the reach an impedance counts only at the line's angle;
+- the inrush of a transformer: a loop whose current has a second harmonic waits;
+- no voltage transformer, or one phase of it: a loop counts only if the voltages of its phases were there
+  before the line was dead (`faultloop.relay.voltages`), or are there now; one phase that has none beside
+  others that do must show in the residual current.  Where no voltage was ever seen, an impedance of zero is
+  none; ``current_a`` then is the only way to trip, set above load and inrush.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from faultloop.config.tables import Milliseconds, Positive, Table
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function
+from faultloop.relay.loop_fit import loop_values
 from faultloop.relay.memory import size2
-from faultloop.relay.quantities import THREE_PHASE, Record, publish, request_trip
+from faultloop.relay.quantities import AT_ITS_ANGLE, THREE_PHASE, Record, publish, request_trip
+from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
+
+WHATEVER_ANGLE = 0.5
+"""Of the reach: shorter than this no load is."""
+THERE = 0.1
+"""Of the greatest phase voltage: above it a phase has a voltage now, ..."""
+OVER_NOTHING = (0.1, 0.01)
+"""... if it is above these parts of the minimum voltage and of the drop along the line."""
+RESIDUAL = 0.5
+"""Of the greatest phase current: 3I0 above it is an earth fault's."""
+INRUSH = 0.15
+"""Second harmonic, of the fundamental."""
 
 
 class Psof(Table):
@@ -34,6 +57,8 @@ class Psof(Table):
     delay_ms: Milliseconds = 25.0
     """So long the impedance must stay inside: longer than the estimator's window and an inrush's first
     peak."""
+    current_a: Positive | None = None
+    """A phase current that trips without any voltage; above load and inrush.  Left out: none does."""
     trip: bool = True
     """Whether it trips, or only starts and operates."""
 
@@ -45,6 +70,7 @@ def values(settings: RelaySettings, table: Psof) -> dict[str, Any]:
         "dead": max(settings.samples(table.dead_ms), 1),
         "armed": settings.samples(table.armed_ms),
         "delay": settings.samples(table.delay_ms),
+        "current": settings.amperes(table.current_a, math.inf),
         "trips": table.trip,
     }
 
@@ -64,6 +90,7 @@ def arm(g: Record, q: Record, c: Record, w: Record) -> bool:
     if is_dead(g, q):
         w.dead += 1
         w.age = 0
+        w.proven = q.proven
         return False
     if w.dead >= c.dead and w.age < c.armed and not q.ready:
         w.age += 1
@@ -73,11 +100,46 @@ def arm(g: Record, q: Record, c: Record, w: Record) -> bool:
 
 
 @njit
-def within(q: Record, reach: float) -> bool:
-    """Whether a loop's impedance is shorter than the reach."""
+def measured_loops(g: Record, q: Record, proven: int) -> int:
+    """Mask of the loops whose voltages are measured now, or whose lack is that of an earth fault."""
+    voltage = max(size2(q.x[0]), size2(q.x[1]), size2(q.x[2]))
+    current = max(size2(q.x[3]), size2(q.x[4]), size2(q.x[5]))
+    floor = max(OVER_NOTHING[0] ** 2 * g.minimum_voltage**2, OVER_NOTHING[1] ** 2 * size2(g.z1) * current)
+    there = 0
+    for phase in range(3):
+        if size2(q.x[phase]) > max(THERE**2 * voltage, floor):
+            there |= 1 << phase
+    mask = ~loops_of(7 & ~(proven | there))
+    if voltage > floor and size2(q.x[3] + q.x[4] + q.x[5]) > RESIDUAL**2 * current:
+        mask |= 0b000111
+    return mask
+
+
+@njit
+def is_inrush(g: Record, q: Record, loop: int) -> bool:
+    """Whether the loop's current has a second harmonic, over the last cycle."""
+    first = second = complex(0.0, 0.0)
+    for k in range(g.values):
+        i = loop_values(q.recent, k, loop)[1]
+        turn = complex(math.cos(k * g.turn_per_value), math.sin(k * g.turn_per_value))
+        first += i * turn
+        second += i * turn * turn
+    return size2(second) > INRUSH**2 * size2(first)
+
+
+@njit
+def within(g: Record, q: Record, c: Record, proven: int) -> bool:
+    """Whether a loop that measures is inside the reach, or a current above all that is healthy."""
+    for phase in range(3):
+        if size2(q.x[3 + phase]) > c.current**2:
+            return True
+    mask = measured_loops(g, q, proven)
     for loop in range(6):
         r, x = q.loops[2 * loop], q.loops[2 * loop + 1]
-        if r * r + x * x < reach * reach:  # false for NaN
+        size = math.sqrt(r * r + x * x)
+        along = abs(r * g.z1.real + x * g.z1.imag)
+        at_angle = along >= AT_ITS_ANGLE * size * abs(g.z1) or size < WHATEVER_ANGLE * c.reach
+        if (mask >> loop) & 1 and size < c.reach and at_angle and not is_inrush(g, q, loop):  # false for NaN
             return True
     return False
 
@@ -90,7 +152,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if w.operated:  # until the current has gone
         w.operated = q.dead != THREE_PHASE and not is_dead(g, q)
     else:
-        w.count = w.count + 1 if arm(g, q, c, w) and within(q, c.reach) else 0
+        w.count = w.count + 1 if arm(g, q, c, w) and within(g, q, c, w.proven) else 0
         w.operated = w.count > c.delay
     publish(q, c.bit, w.count > 0, w.operated)
     if w.operated and c.trips:
@@ -101,11 +163,19 @@ PSOF = Function(
     name="PSOF",
     settings=Psof,
     step=step,
-    constants=(("reach", "f8"), ("dead", "i8"), ("armed", "i8"), ("delay", "i8"), ("trips", "i8")),
+    constants=(
+        ("reach", "f8"),
+        ("dead", "i8"),
+        ("armed", "i8"),
+        ("delay", "i8"),
+        ("current", "f8"),
+        ("trips", "i8"),
+    ),
     values=values,
     state=(
         ("dead", "i8"),  # samples of a dead line in a row
         ("age", "i8"),  # samples since it is not
+        ("proven", "i8"),  # mask of phases whose voltage was there before
         ("count", "i8"),  # samples inside in a row
         ("operated", "i8"),
     ),

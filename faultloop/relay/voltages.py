@@ -1,0 +1,47 @@
+"""Which phases' voltages can be relied on.
+
+A phase that carries current and has no voltage is at a bolted fault close in, or its voltage transformer is
+not there: a blown fuse, an open miniature breaker, a channel that nobody wired.  Phasors cannot tell which,
+but what was before can: a transformer is *proven* by a voltage, and no longer when the voltage is missing in
+quiet while the pole carries current.  Loops with a phase that is not proven measure nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from faultloop.jit import njit
+from faultloop.relay.memory import size2
+
+Record = Any
+
+PART = 0.5
+"""Of the greatest phase voltage: below it one is missing ..."""
+UNBALANCE = 0.25
+"""... if V2 is above this part of V1: an earthed phase of an isolated network has none, and its phase loops go
+on measuring."""
+LOOPS_OF = (0b101001, 0b011010, 0b110100)
+"""Mask of the loops AG BG CG AB BC CA that a phase is in."""
+
+
+@njit
+def prove(g: Record, q: Record) -> None:
+    """In quiet: keep the mask of proven phases, ``q.proven``."""
+    greatest = max(size2(q.x[0]), size2(q.x[1]), size2(q.x[2]))
+    floor = g.minimum_voltage**2
+    gone = greatest <= floor or size2(q.sequence[2]) > UNBALANCE**2 * size2(q.sequence[1])
+    for phase in range(3):
+        if size2(q.x[phase]) > max(floor, PART**2 * greatest):
+            q.proven |= 1 << phase
+        elif gone and size2(q.x[3 + phase]) > g.open_current**2:
+            q.proven &= ~(1 << phase)
+
+
+@njit
+def loops_of(phases: int) -> int:
+    """Mask of the loops that a mask of phases is in."""
+    mask = 0
+    for phase in range(3):
+        if (phases >> phase) & 1:
+            mask |= LOOPS_OF[phase]
+    return mask
