@@ -18,8 +18,8 @@ Record = Any
 PART = 0.5
 """Of the greatest phase voltage: below it one is missing ..."""
 UNBALANCE = 0.25
-"""... if V2 is above this part of V1: an earthed phase of an isolated network has none, and its phase loops go
-on measuring."""
+"""... if V2 is above this part of V1: the earthed phase of an isolated network has none, and its loops to the
+others go on measuring."""
 LOOPS_OF = (0b101001, 0b011010, 0b110100)
 """Mask of the loops AG BG CG AB BC CA that a phase is in."""
 

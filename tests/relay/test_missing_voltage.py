@@ -96,7 +96,7 @@ def test_a_heavy_load_behind_a_long_line() -> None:
 @pytest.mark.parametrize("kind", TYPES)
 @pytest.mark.parametrize("at", [0.0, 0.02, 0.5])
 def test_energised_onto_a_fault_of_every_type(kind: str, at: float) -> None:
-    """Voltages never seen before; a three-phase fault at the relay's place cannot be told from a missing VT."""
+    """Never a voltage before: a three-phase fault at the relay's place cannot be told from a missing VT."""
     network = Network(zr1=3e5 + 3e5j, zr0=3e5 + 3e5j)
     fault = network.samples([(0.0, network.solve(kind, at))], 0.4)
     trips, texts = run(network_relay(network, method="kalman-bank"), np.concatenate([dead(0.3), fault]))
