@@ -21,6 +21,7 @@ def command(
     from faultloop.cli.output import console, print_json, serve, warn_of
     from faultloop.cli.terminal import say
     from faultloop.io.mcap_reader import open_log
+    from faultloop.review.facts import as_json
     from faultloop.review.summary import summarize
     from faultloop.review.text import print_review
 
@@ -39,7 +40,7 @@ def command(
         written.append(html)
     warn_of(opened)
     if json:
-        print_json(summary | {"written": [str(path) for path in written]})
+        print_json(as_json(summary) | {"written": [str(path) for path in written]})
     else:
         print_review(summary, console())
         for path in written:

@@ -80,7 +80,23 @@ class Summary:
     attachments: list[AttachmentIndex] = field(default_factory=list)
     metadata: list[MetadataIndex] = field(default_factory=list)
 
-    def take(self, record: Raw, data: memoryview) -> None:
+    @classmethod
+    def read(cls, data: memoryview, begin: int, footer: int) -> Summary:
+        """What stands from ``begin`` to the footer.  Raises one of ``DAMAGE`` where it cannot be trusted."""
+        (crc,) = struct.unpack_from("<I", data, footer + FOOTER_SIZE - 4)
+        if begin > footer:
+            raise ValueError("place")
+        if crc and zlib.crc32(data[begin : footer + FOOTER_SIZE - 4]) != crc:
+            raise ValueError("checksum")
+        summary, end = cls(), begin
+        for record in walk(data[:footer], begin):
+            summary._take(record, data)
+            end = record.stop
+        if end != footer:
+            raise ValueError("length")
+        return summary
+
+    def _take(self, record: Raw, data: memoryview) -> None:
         content = data[record.start : record.stop]
         if record.opcode == Opcode.STATISTICS:
             self.statistics = parse(Statistics, content)
@@ -97,6 +113,34 @@ class Summary:
             into.append(parse(kind, content))
 
 
+class Chunks:
+    """Content of segments, unpacked and checked; the last 64 MB stay at hand."""
+
+    def __init__(self, data: mmap.mmap | bytes) -> None:
+        self._map, self._data = data, memoryview(data)
+        self._held: OrderedDict[Segment, Buffer] = OrderedDict()
+        self._holding = 0
+
+    def load(self, segment: Segment) -> Buffer:
+        """Raises ValueError where the content is not what the head says."""
+        if segment in self._held:
+            self._held.move_to_end(segment)
+            return self._held[segment]
+        content: Buffer = self._data[segment.start : segment.stop]
+        if segment.head is not None:
+            content = decompress(segment.head.compression, content, segment.head.size)
+            if segment.head.crc and not segment.checked and zlib.crc32(content) != segment.head.crc:
+                raise ValueError("a chunk does not match its checksum")
+        segment.checked = True
+        self._held[segment] = content
+        self._holding += len(content)
+        while self._holding > HELD_BYTES and len(self._held) > 1:
+            old, gone = self._held.popitem(last=False)
+            self._holding -= len(gone)
+            forget_pages(self._map, old.start, old.end)
+        return content
+
+
 class Contents:
     """The records of a file that was closed whole.
 
@@ -105,6 +149,7 @@ class Contents:
     metadata, attachments : by name.
     schemas : by number; ``channels`` by topic.
     segments : in the order of the file.
+    chunks : what the segments hold.
     warnings : what is damaged and could be left out or found in another way, one line each.
 
     Raises one of ``DAMAGE`` where the messages themselves cannot be found.
@@ -113,8 +158,7 @@ class Contents:
     def __init__(self, data: mmap.mmap | bytes) -> None:
         self._map = data
         self._data = memoryview(data)
-        self._held: OrderedDict[Segment, Buffer] = OrderedDict()
-        self._holding = 0
+        self.chunks = Chunks(data)
         self.metadata: dict[str, dict[str, str]] = {}
         self.attachments: dict[str, bytes] = {}
         self.schemas: dict[int, Schema] = {}
@@ -148,20 +192,10 @@ class Contents:
         if begin == 0 and crc == 0:
             return footer, None
         try:
-            if begin > footer:
-                raise ValueError("place")
-            if crc and zlib.crc32(self._data[begin : footer + FOOTER_SIZE - 4]) != crc:
-                raise ValueError("checksum")
-            summary, end = Summary(), begin
-            for record in walk(self._data[:footer], begin):
-                summary.take(record, self._data)
-                end = record.stop
-            if end != footer:
-                raise ValueError("length")
+            return begin, Summary.read(self._data, begin, footer)
         except DAMAGE:
             self.warn("its summary is damaged: topics and messages were found by reading every chunk")
             return None, None
-        return begin, summary
 
     def _scan(self, stop: int | None) -> None:
         """Takes in every record before the summary; the content of chunks only where it has to."""
@@ -278,7 +312,7 @@ class Contents:
 
     def _walk(self, segment: Segment, *, keep: bool) -> None:
         """Takes in a chunk's schemas and channels, and makes its message index anew, or keeps what it has."""
-        content = memoryview(self.load(segment))
+        content = memoryview(self.chunks.load(segment))
         found: dict[int, list[tuple[int, int]]] = {}
         end = 0
         for record in walk(content):
@@ -334,27 +368,6 @@ class Contents:
             for channel, entries in (segment.index or {}).items():
                 found[channel] += len(entries)
         return dict(found)
-
-    # -- the content of chunks ------------------------------------------------------------------------------
-
-    def load(self, segment: Segment) -> Buffer:
-        """Content of a segment, unpacked and checked; the last 64 MB stay at hand.  Raises ValueError."""
-        if segment in self._held:
-            self._held.move_to_end(segment)
-            return self._held[segment]
-        content: Buffer = self._data[segment.start : segment.stop]
-        if segment.head is not None:
-            content = decompress(segment.head.compression, content, segment.head.size)
-            if segment.head.crc and not segment.checked and zlib.crc32(content) != segment.head.crc:
-                raise ValueError("a chunk does not match its checksum")
-        segment.checked = True
-        self._held[segment] = content
-        self._holding += len(content)
-        while self._holding > HELD_BYTES and len(self._held) > 1:
-            old, gone = self._held.popitem(last=False)
-            self._holding -= len(gone)
-            forget_pages(self._map, old.start, old.end)
-        return content
 
     def index(self, segment: Segment, channel: int) -> np.ndarray:
         """Log times and places (n, 2) of a channel's messages in a segment."""

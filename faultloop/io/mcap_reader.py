@@ -1,8 +1,4 @@
-"""The log reader: a whole MCAP log as NumPy arrays, one per topic.
-
-Records that have the writer's fixed layout are viewed as structured arrays, without a loop over messages; a
-log that another program has written or rewritten is decoded message by message through its own schema.
-"""
+"""The log reader: a whole MCAP log as NumPy arrays, one per topic."""
 
 from __future__ import annotations
 
@@ -14,25 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.opcode import Opcode
-from mcap.records import Channel
-from mcap_protobuf.decoder import DecoderFactory
 
 from faultloop.config.input_file import check_input
 from faultloop.errors import InputError, nearest
 from faultloop.io import messages as table
 from faultloop.io.mcap_contents import Contents, Segment
-from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC, MESSAGE_HEAD
+from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC
+from faultloop.io.mcap_messages import MessageReader
 from faultloop.io.messages import Message, array_dtype, message_of, source_of
 from faultloop.io.output_file import parts_of
-from faultloop.io.schema import is_fixed_layout, record_dtype, schema_bytes
 
 WINDOW_BYTES = 1 << 24
 MOST_NS = 1 << 62  # beyond every time of a log, both ways, and still an int64 with a start added
-
-
-class IndexDamage(ValueError):
-    """A message index does not lead to the messages that it should."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +69,8 @@ class Log:
         self._channels = self._contents.channels
         self._arrays: dict[str, np.ndarray] = {}
         self._spans: np.ndarray | None = None  # of the segments [ns since the start], (n, 2)
-        self._decoders = DecoderFactory()
         self.start_ns = self._start_ns()
+        self._reader = MessageReader(self._contents, self.start_ns)
         self.topics = tuple(sorted(self._channels))
         self.relays = self._sources("relay")
         self.breakers = self._sources("breaker")
@@ -157,57 +146,12 @@ class Log:
     def _rows(self, topic: str, message: Message, segments: list[Segment]) -> np.ndarray:
         channels = self._channels[topic]
         try:
-            found = [self._part(segment, channel, message) for channel in channels for segment in segments]
+            found = [self._reader.rows(part, channel, message) for channel in channels for part in segments]
         except DAMAGE as error:
             raise InputError(f"is damaged: {error}", file=self.path, key=topic) from error
         rows = _joined([part for part in found if len(part)], array_dtype(message))
         if (np.diff(rows["t_ns"]) < 0).any():
             rows = rows[np.argsort(rows["t_ns"], kind="stable")]
-        return rows
-
-    def _part(self, segment: Segment, channel: Channel, message: Message) -> np.ndarray:
-        """A channel's messages in a segment; where its index proves wrong, found without it."""
-        try:
-            return self._read(segment, channel, message)
-        except IndexDamage:
-            self._contents.distrust(segment)
-            return self._read(segment, channel, message)
-
-    def _read(self, segment: Segment, channel: Channel, message: Message) -> np.ndarray:
-        entries = self._contents.index(segment, channel.id)
-        if not len(entries):
-            return np.empty(0, array_dtype(message))
-        content = self._contents.load(segment)
-        times, offsets = entries[:, 0], entries[:, 1]
-        if (offsets[1:] <= offsets[:-1]).any() or int(offsets.max()) + MESSAGE_HEAD.size > len(content):
-            raise IndexDamage("a message index is damaged")
-        if int(times.min()) < segment.first_ns or int(times.max()) > segment.last_ns:
-            raise ValueError("the times of a chunk's messages are not those of its head")
-        schema = self._contents.schemas.get(channel.schema_id)
-        if message.every_sample and schema is not None and schema.data == schema_bytes(message):
-            records = _records(content, offsets, record_dtype(message))
-            if records is not None and is_fixed_layout(records, message, channel.id):
-                if not np.array_equal(records["head"]["log_time"], times):
-                    raise IndexDamage("a message index is damaged")
-                return self._from_records(records, message)
-        decode = self._decoders.decoder_for(channel.message_encoding, schema)
-        if decode is None:
-            raise ValueError(f"encoding {channel.message_encoding!r}; it should be protobuf, with a schema")
-        rows = []
-        for time, offset in zip(times.tolist(), offsets.tolist(), strict=True):
-            opcode, length, number, _, log_ns, _ = MESSAGE_HEAD.unpack_from(content, offset)
-            stop = offset + 9 + length
-            if (opcode, number, log_ns) != (Opcode.MESSAGE, channel.id, time) or stop > len(content):
-                raise IndexDamage("a message index is damaged")
-            proto = decode(bytes(content[offset + MESSAGE_HEAD.size : stop]))
-            rows.append((log_ns - self.start_ns, *(getattr(proto, f.name, f.absent) for f in message.fields)))
-        return np.array(rows, array_dtype(message))
-
-    def _from_records(self, records: np.ndarray, message: Message) -> np.ndarray:
-        rows = np.empty(len(records), array_dtype(message))
-        rows["t_ns"] = records["head"]["log_time"].astype(np.int64) - self.start_ns
-        # All fields are 8 bytes: one copy of the whole block instead of one per field.
-        rows.view("<u8").reshape(len(rows), rows.dtype.itemsize // 8)[:, 1:] = records["body"]["value"]
         return rows
 
     def samples(self, relay: str, from_ns: int | None = None, to_ns: int | None = None) -> np.ndarray:
@@ -318,18 +262,6 @@ def _joined(parts: list[np.ndarray], dtype: np.dtype) -> np.ndarray:
         return np.concatenate(parts) if parts else np.empty(0, dtype)
     opaque = f"V{dtype.itemsize}"
     return np.concatenate([part.view(opaque) for part in parts]).view(dtype)
-
-
-def _records(content: bytes | memoryview, offsets: np.ndarray, dtype: np.dtype) -> np.ndarray | None:
-    """The records at ``offsets`` as one structured array; None if one would reach beyond the content."""
-    if int(offsets.max()) + dtype.itemsize > len(content):
-        return None
-    steps = np.diff(offsets)
-    if len(steps) and (steps == steps[0]).all() and dtype.itemsize <= int(steps[0]) < len(content):
-        # The writer's own order: a view, no copy.  The gather below takes 0.4 us a row, measured.
-        return np.ndarray((len(offsets),), dtype, content, int(offsets[0]), (int(steps[0]),))
-    where = offsets.astype(np.int64)[:, None] + np.arange(dtype.itemsize)
-    return np.frombuffer(content, np.uint8)[where].view(dtype)[:, 0]
 
 
 def map_file(path: str | Path) -> mmap.mmap | bytes:

@@ -98,7 +98,7 @@ def _fill(
 
 def _trigger_ns(log: Log, t_ns: NDArray[np.int64]) -> int:
     """The inception, where it is in the record."""
-    found: int | None = find_inception(log)["t_ns"]
+    found = find_inception(log).t_ns
     return int(t_ns[0]) if found is None or not t_ns[0] <= found <= t_ns[-1] else found
 
 

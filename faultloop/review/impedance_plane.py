@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from faultloop.io.messages import LOOPS
+from faultloop.review.facts import FaultedLoop, Impedance, Summary
 from faultloop.review.view import LOOP_COLOURS, RelayView, Zones, extent_ohm, locus_ms, zone_shapes
-
-Summary = dict[str, Any]
 
 INK, FAINT, ZONE = "#222222", "#70757C", "#26436B"
 DOT_MS = 5.0
@@ -22,7 +19,7 @@ def impedance_plane(
 ) -> None:
     """Draws it, from inception to the first pole's opening; ``known``: the line's z1 [ohm] and the zones."""
     z1, zones = known
-    loop = view.facts["loop"]
+    loop = view.facts.loop
     shapes = zone_shapes(zones, loop)
     _frame(axes, extent_ohm(shapes, z1, view))
     for shade, (zone, polygon) in enumerate(shapes.items()):
@@ -30,10 +27,10 @@ def impedance_plane(
     if z1 is not None:
         axes.plot([0, z1.real], [0, z1.imag], color=INK, lw=2.2, marker="o", ms=4, zorder=3)
         axes.annotate("line", (z1.real, z1.imag), (7, 1), textcoords="offset points", size=8.5, va="center")
-    _loci(axes, view, locus_ms(summary, view), loop["loop"] if loop else None)
+    _loci(axes, view, locus_ms(summary, view), loop.loop if loop else None)
     if loop:
         _final_point(axes, loop)
-    _load(axes, view.facts["load_ohm"])
+    _load(axes, view.facts.load_ohm)
 
 
 def _frame(axes: Axes, extent: NDArray[np.float64]) -> None:
@@ -94,10 +91,10 @@ def _loci(axes: Axes, view: RelayView, span: tuple[float, float], faulted: str |
         axes.text(0.985, 0.015, text, transform=axes.transAxes, size=8, color=FAINT, ha="right")
 
 
-def _final_point(axes: Axes, loop: dict[str, Any]) -> None:
-    percent = loop["percent_of_line"]
-    text = loop["loop"] + ("" if percent is None else f"  {percent:.1f} %")
-    at = (loop["r_ohm"], loop["x_ohm"])
+def _final_point(axes: Axes, loop: FaultedLoop) -> None:
+    percent = loop.percent_of_line
+    text = loop.loop + ("" if percent is None else f"  {percent:.1f} %")
+    at = (loop.r_ohm, loop.x_ohm)
     axes.plot(*at, marker="*", ms=15, mfc="#FFD23F", mec=INK, zorder=6)
     axes.annotate(
         text, at, (-12, 0), textcoords="offset points", ha="right", va="center", weight="bold", size=10,
@@ -105,13 +102,13 @@ def _final_point(axes: Axes, loop: dict[str, Any]) -> None:
     )  # fmt: skip
 
 
-def _load(axes: Axes, load: dict[str, Any] | None) -> None:
+def _load(axes: Axes, load: Impedance | None) -> None:
     """The load before the fault, or an arrow towards it where it lies outside."""
     if load is None:
         return
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
-    r, x = load["r_ohm"], load["x_ohm"]
-    text = f"load {load['magnitude_ohm']:.0f} Ω"
+    r, x = load.r_ohm, load.x_ohm
+    text = f"load {load.magnitude_ohm:.0f} Ω"
     if x0 < r < x1 and y0 < x < y1:
         axes.plot(r, x, marker="s", ms=6, mfc="white", mec=INK, zorder=5)
         axes.annotate(text, (r, x), (7, 5), textcoords="offset points", size=8.5)

@@ -6,7 +6,6 @@ import html
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from string import Template
-from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -17,9 +16,10 @@ from plotly.subplots import make_subplots
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import CHANNELS, LOOPS
 from faultloop.io.output_file import write_aside
+from faultloop.review.facts import Summary
 from faultloop.review.plotly_config import CONFIG
+from faultloop.review.relay_summary import line_impedance
 from faultloop.review.rows import relay_rows
-from faultloop.review.summary import line_impedance
 from faultloop.review.survey import survey
 from faultloop.review.text import Rows, can_text, headline, tables
 from faultloop.review.view import (
@@ -35,8 +35,6 @@ from faultloop.review.view import (
     window_ms,
     zone_shapes,
 )
-
-Summary = dict[str, Any]
 
 POINTS = 4000  # of a wave outside the fault's window; inside, every sample is there
 MOST_INSIDE = 20_000  # samples of the window that are all there
@@ -71,7 +69,7 @@ def write_html(log: Log, summary: Summary, path: str | Path) -> Path:
     half-made.
     """
     with write_aside(path, ".html") as aside:
-        title = summary["log"]["scenario"] or Path(summary["log"]["path"]).name
+        title = summary.log.scenario or Path(summary.log.path).name
         body = "\n".join(_body(log, summary, title))
         page = PAGE.substitute(title=html.escape(title), plotly=get_plotlyjs(), body=body)
         aside.write_text(page, encoding="utf-8", newline="\n")
@@ -81,21 +79,21 @@ def write_html(log: Log, summary: Summary, path: str | Path) -> Path:
 def _body(log: Log, summary: Summary, title: str) -> Iterable[str]:
     yield f"<h1>{html.escape(title)}</h1>"
     yield from (f"<p>{html.escape(line)}</p>" for line in headline(summary))
-    yield f"<p>{html.escape(can_text(summary['can']))}</p>"
-    yield from (f'<p class="warning">Warning: {html.escape(text)}</p>' for text in summary["warnings"])
+    yield f"<p>{html.escape(can_text(summary.can))}</p>"
+    yield from (f'<p class="warning">Warning: {html.escape(text)}</p>' for text in summary.warnings)
     for name, columns, rows in tables(summary):
         yield f"<h3>{html.escape(name)}</h3>{_table(columns, rows)}"
-    if not any(own["trips"] for own in summary["relays"].values()):
+    if not any(own.trips for own in summary.relays.values()):
         yield "<h3>No trip.</h3>"
-    for place, name in enumerate(summary["relays"]):
+    for place, name in enumerate(summary.relays):
         yield f"<h2>{html.escape(name)}</h2>"
-        if not summary["relays"][name]["samples"]:
+        if not summary.relays[name].samples:
             yield "<p>No samples in the log.</p>"
             continue
         view = fault_view(log, name, summary)
         yield _div(waves(view, summary, outline(log, view)), f"waves{place}")
         yield _div(plane(view, summary, log), f"plane{place}")
-    events: Rows = [(f"{e['ms']:.3f}", e["source"], e["level"], e["text"]) for e in summary["events"]]
+    events: Rows = [(f"{e.ms:.3f}", e.source, e.level, e.text) for e in summary.events]
     if events:
         yield f'<h2>Events</h2><div class="events">{_table((">ms", "from", "level", "what"), events)}</div>'
 
@@ -178,7 +176,7 @@ def waves(view: RelayView, summary: Summary, outside: Outline | None = None) -> 
         )
     for row, title in enumerate(("voltage [kV]", "current [kA]", "|V| RMS [kV]", "|I| RMS [kA]"), 1):
         figure.update_yaxes(title=title, row=row, col=1)
-    zero = "time" if summary["inception"]["t_ns"] is None else "time from fault inception"
+    zero = "time" if summary.inception.t_ns is None else "time from fault inception"
     figure.update_xaxes(range=list(span), hoverformat=".3f", gridcolor="#e4e6e9")
     figure.update_xaxes(title=f"{zero} [ms]", row=5, col=1)
     figure.update_yaxes(gridcolor="#e4e6e9", zerolinecolor="#b5b9bf")
@@ -219,7 +217,7 @@ def _add_timeline(figure: go.Figure, view: RelayView) -> None:
 def plane(view: RelayView, summary: Summary, log: Log) -> go.Figure:
     """Zones, line and the loops' way from inception to clearing; a point tells its time."""
     figure = go.Figure()
-    loop = view.facts["loop"]
+    loop = view.facts.loop
     shapes = zone_shapes(log.characteristics(view.rows.name), loop)
     for zone, polygon in shapes.items():
         figure.add_scatter(
@@ -230,11 +228,11 @@ def plane(view: RelayView, summary: Summary, log: Log) -> go.Figure:
     if z1 is not None:
         ends = {"x": [0, z1.real], "y": [0, z1.imag]}
         figure.add_scatter(**ends, name="line", mode="lines+markers", line={"color": "#222", "width": 3})
-    _add_loci(figure, view, locus_ms(summary, view), loop["loop"] if loop else None)
-    for name, point, symbol in (("load", view.facts["load_ohm"], "square"), ("fault", loop, "star")):
+    _add_loci(figure, view, locus_ms(summary, view), loop.loop if loop else None)
+    for name, point, symbol in (("load", view.facts.load_ohm, "square"), ("fault", loop, "star")):
         if point:
             figure.add_scatter(
-                x=[point["r_ohm"]], y=[point["x_ohm"]], name=name, mode="markers",
+                x=[point.r_ohm], y=[point.x_ohm], name=name, mode="markers",
                 marker={"symbol": symbol, "size": 13, "color": "#FFD23F",
                         "line": {"color": "#222", "width": 1}},
                 hovertemplate="%{x:.3f} + j %{y:.3f} Ω",

@@ -16,8 +16,9 @@ from matplotlib.patches import Patch
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import POLES
 from faultloop.io.output_file import write_aside
+from faultloop.review.facts import RelayFacts, Summary
 from faultloop.review.impedance_plane import impedance_plane
-from faultloop.review.summary import line_impedance
+from faultloop.review.relay_summary import line_impedance
 from faultloop.review.text import fault_text
 from faultloop.review.view import (
     KIND_COLOURS,
@@ -31,8 +32,6 @@ from faultloop.review.view import (
     thinned,
     window_ms,
 )
-
-Summary = dict[str, Any]
 
 MOST_RELAYS = 3
 LEGEND_KINDS: tuple[Kind, ...] = ("forward", "reverse", "start", "operate", "record")
@@ -93,20 +92,20 @@ def draw(log: Log, summary: Summary) -> Figure:
 
 def shown_relays(summary: Summary) -> list[str]:
     """The relays of the picture, in the log's order."""
-    with_samples = [name for name, own in summary["relays"].items() if own["samples"]]
+    with_samples = [name for name, own in summary.relays.items() if own.samples]
 
     def first_trip(name: str) -> float:
-        return min((t["decided_ns"] for t in summary["relays"][name]["trips"]), default=np.inf)
+        return min((trip.decided_ns for trip in summary.relays[name].trips), default=np.inf)
 
     chosen = sorted(with_samples, key=first_trip)[:MOST_RELAYS]
     return [name for name in with_samples if name in chosen]
 
 
 def _headings(figure: Figure, summary: Summary, shown: int) -> None:
-    title = summary["log"]["scenario"] or Path(summary["log"]["path"]).name
+    title = summary.log.scenario or Path(summary.log.path).name
     figure.text(0.02, 0.972, title, size=19, weight="bold", va="center")
-    under = [fault_text(fault) for fault in summary["faults"]] or [summary["inception"]["text"]]
-    left = len(summary["relays"]) - shown
+    under = [fault_text(fault) for fault in summary.faults] or [summary.inception.text]
+    left = len(summary.relays) - shown
     if left:
         under.append(f"{left} more relay{'s' if left > 1 else ''} in the log")
     figure.text(0.02, 0.943, "   |   ".join(under[:3]), size=11, color=FAINT, va="center")
@@ -131,14 +130,14 @@ def _relay_column(
     _waves(voltage, view, (0, "voltage [kV]"), span)
     _waves(current, view, (3, "current [kA]"), span)
     _timeline(timeline, drawn, span)
-    zero = "time" if summary["inception"]["t_ns"] is None else "time from fault inception"
+    zero = "time" if summary.inception.t_ns is None else "time from fault inception"
     timeline.set_xlabel(f"{zero} [ms]", loc="left")
     timeline.set_ylim(tallest - 0.4, -0.6)
     voltage.set_xlim(*span)
     for axes in (voltage, current):
         axes.tick_params(labelbottom=False, length=0)
-    own = view.facts
-    place = ", ".join(f"{k} {own[k]}" for k in ("line", "breaker") if own[k])
+    own = (("line", view.facts.line), ("breaker", view.facts.breaker))
+    place = ", ".join(f"{kind} {name}" for kind, name in own if name)
     voltage.text(0, 1.17, view.rows.name, transform=voltage.transAxes, size=14, weight="bold", va="center")
     voltage.text(0.07, 1.17, place, transform=voltage.transAxes, size=10, color=FAINT, va="center")
     _instants((voltage, current, timeline), markers(summary, view.rows.name), span)
@@ -261,40 +260,38 @@ def _card(axes: Axes, view: RelayView) -> None:
         y -= 0.026
 
 
-def card(own: dict[str, Any]) -> list[tuple[str, list[tuple[str, str]]]]:
+def card(own: RelayFacts) -> list[tuple[str, list[tuple[str, str]]]]:
     """Headings, each with names and values."""
     out: list[tuple[str, list[tuple[str, str]]]] = []
-    for trip in own["trips"][:2]:
-        times = [("decided", trip["decided_ms"]), ("received by breaker", trip["received_ms"])]
-        times.append(("poles open", trip["opened_ms"]))
+    for trip in own.trips[:2]:
+        times = [("decided", trip.decided_ms), ("received by breaker", trip.received_ms)]
+        times.append(("poles open", trip.opened_ms))
         lines = [(name, f"{ms:.2f} ms") for name, ms in times if ms is not None]
-        out.append((f"Trip {trip['function']} {trip['loop']}, poles {trip['poles']}", lines))
-    if not own["trips"]:
+        out.append((f"Trip {trip.function} {trip.loop}, poles {trip.poles}", lines))
+    if not own.trips:
         out.append(("No trip", []))
-    loop = own["loop"]
-    if loop:
-        lines = [("impedance", f"{loop['magnitude_ohm']:.2f} Ω  {loop['angle_deg']:.1f}°")]
-        lines.append(("R + jX", f"{loop['r_ohm']:.2f} + j {loop['x_ohm']:.2f} Ω"))
-        if loop["percent_of_line"] is not None:
-            lines.append(("of the line, by X", f"{loop['percent_of_line']:.1f} %"))
-        if own["location"]:
-            lines.append(
-                ("fault locator", own["location"].partition(" at ")[2].replace(" of the line", " pu"))
-            )
-        out.append((f"Loop {loop['loop']} at {own['fault']['ms']:.0f} ms", lines))
+    loop = own.loop
+    if loop and own.fault:
+        lines = [("impedance", f"{loop.magnitude_ohm:.2f} Ω  {loop.angle_deg:.1f}°")]
+        lines.append(("R + jX", f"{loop.r_ohm:.2f} + j {loop.x_ohm:.2f} Ω"))
+        if loop.percent_of_line is not None:
+            lines.append(("of the line, by X", f"{loop.percent_of_line:.1f} %"))
+        if own.location:
+            lines.append(("fault locator", own.location.partition(" at ")[2].replace(" of the line", " pu")))
+        out.append((f"Loop {loop.loop} at {own.fault.ms:.0f} ms", lines))
     lines = []
     for pole in POLES:
-        before, during = own["prefault"], own["fault"]
+        before, during = own.prefault, own.fault
         if before and during:
             v, i = f"v{pole.lower()}", f"i{pole.lower()}"
-            volts = f"{before[v]['magnitude'] / 1e3:.1f} → {during[v]['magnitude'] / 1e3:.1f} kV"
-            amps = f"{before[i]['magnitude']:.0f} → {during[i]['magnitude']:.0f} A"
+            volts = f"{before[v].magnitude / 1e3:.1f} → {during[v].magnitude / 1e3:.1f} kV"
+            amps = f"{before[i].magnitude:.0f} → {during[i].magnitude:.0f} A"
             lines.append((pole, f"{volts}   {amps}"))
     if lines:
         out.append(("RMS before and in the fault", lines))
     peaks = [
-        (peak["instantaneous"], pole, peak["ms"])
-        for pole, peak in zip(POLES, own["peak_current"].values(), strict=True)
+        (peak.instantaneous, pole, peak.ms)
+        for pole, peak in zip(POLES, own.peak_current.values(), strict=True)
         if peak
     ]
     if peaks:

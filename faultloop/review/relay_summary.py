@@ -3,22 +3,45 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import astuple
 from itertools import pairwise
-from typing import Any
+from typing import overload
 
 import numpy as np
 
 from faultloop.io.mcap_reader import Entry, Log
 from faultloop.io.messages import CHANNELS, LOOPS, POLES
 from faultloop.loop.outcome import TripReport
+from faultloop.loop.recorded import recorded_settings
+from faultloop.review.facts import (
+    ElementFacts,
+    Event,
+    FaultedLoop,
+    FaultFacts,
+    Frequency,
+    Impedance,
+    Inception,
+    Network,
+    Peak,
+    Phasor,
+    PhasorFacts,
+    RelayFacts,
+    TripFacts,
+)
 from faultloop.review.rows import RelayRows, faulted_loop, last_before, relay_rows, steadiest
 from faultloop.review.survey import Survey
 
-Summary = dict[str, Any]
 BEFORE_NS, AFTER_NS = 2_000_000_000, 10_000_000_000
 """Around the inception, what is looked at sample by sample."""
+Place = tuple[str | None, str | None]
+"""A relay's line and breaker."""
 
 
+@overload
+def after_ms(t_ns: int, zero: int) -> float: ...
+@overload
+def after_ms(t_ns: int | None, zero: int) -> float | None: ...
 def after_ms(t_ns: int | None, zero: int) -> float | None:
     return None if t_ns is None else (t_ns - zero) / 1e6
 
@@ -33,103 +56,111 @@ def closed_poles(entry: Entry) -> str:
     return "".join(pole for pole in POLES if entry.fields[f"pole_{pole.lower()}"])
 
 
-def relay_facts(whole: Survey) -> dict[str, Any]:
-    return {
-        "samples": len(whole),
-        "sampling_hz": number(whole.sampling_hz),
-        "first_ns": whole.first_ns,
-        "last_ns": whole.last_ns,
-    }
+def line_impedance(log: Log, relay: str) -> complex | None:
+    """Positive-sequence impedance of the whole line by the relay's settings [ohm, primary]."""
+    settings = recorded_settings(log, relay)
+    z1, header = settings["line"].get("z1_ohm"), settings["relay"]
+    if z1 is None:
+        return None
+    ratio = 1.0
+    if header.get("ohms") == "secondary":
+        ratio = header.get("vt_ratio", 1.0) / header.get("ct_ratio", 1.0)
+    return complex(*z1) * ratio
 
 
-def trip_report(trip: TripReport, zero: int, faults: list[dict[str, Any]]) -> dict[str, Any]:
-    """A trip on its way: decided, received by the breaker, poles open; and the fault that it answers, the
-    last that was applied before it."""
-    before = [fault for fault in faults if fault["on_ns"] <= trip.t_ns]
-    fault = max(before, key=lambda fault: fault["on_ns"], default=None)
-    return {
-        "fault": None if fault is None else fault.get("name", str(fault["fault"])),
-        "fault_on_ms": None if fault is None else fault["on_ms"],
-        "after_fault_ms": None if fault is None else after_ms(trip.received_ns, fault["on_ns"]),
-        "function": trip.function,
-        "zone": trip.zone,
-        "loop": trip.loop,
-        "poles": trip.pole_names,
-        "sample_count": trip.sample_count,
-        "decided_ns": trip.t_ns,
-        "decided_ms": after_ms(trip.t_ns, zero),
-        "breaker": trip.breaker,
-        "received_ns": trip.received_ns,
-        "received_ms": after_ms(trip.received_ns, zero),
-        "received_by": trip.received_by,
-        "opened_ns": trip.opened_ns,
-        "opened_ms": after_ms(trip.opened_ns, zero),
-        "poles_opened_ns": trip.poles_opened_ns,
-    }
+def trip_facts(trip: TripReport, zero: int, faults: Sequence[FaultFacts]) -> TripFacts:
+    """The fault that a trip answers is the last that was applied before it."""
+    before = [fault for fault in faults if fault.on_ns <= trip.t_ns]
+    fault = max(before, key=lambda fault: fault.on_ns, default=None)
+    return TripFacts(
+        fault=None if fault is None else fault.called,
+        fault_on_ms=None if fault is None else fault.on_ms,
+        after_fault_ms=None if fault is None else after_ms(trip.received_ns, fault.on_ns),
+        function=trip.function,
+        zone=trip.zone,
+        loop=trip.loop,
+        poles=trip.pole_names,
+        sample_count=trip.sample_count,
+        decided_ns=trip.t_ns,
+        decided_ms=after_ms(trip.t_ns, zero),
+        breaker=trip.breaker,
+        received_ns=trip.received_ns,
+        received_ms=after_ms(trip.received_ns, zero),
+        received_by=trip.received_by,
+        opened_ns=trip.opened_ns,
+        opened_ms=after_ms(trip.opened_ns, zero),
+        poles_opened_ns=trip.poles_opened_ns,
+    )
 
 
-def measured(
-    log: Log, whole: Survey, summary: Summary, own: dict[str, Any], context: tuple[float, complex | None]
-) -> dict[str, Any]:
-    """Elements, phasors before and in the fault, the faulted loop, peaks, frequency."""
-    cycle_ns, z1 = context
-    zero = summary["inception"]["t_ns"]
-    own["cleared_ns"] = _cleared_ns(summary, own)
+def relay_facts(
+    log: Log, whole: Survey, network: Network, place: Place, trips: list[TripFacts]
+) -> RelayFacts:
+    """Elements, phasors before and in the fault, the faulted loop, peaks, frequency; ``place``: its line and
+    its breaker."""
+    zero = network.inception.t_ns
+    cleared_ns = _cleared_ns(network, trips)
     centre = zero if zero is not None else whole.last_ns or 0
     rows = relay_rows(log, whole.name, centre - BEFORE_NS, centre + AFTER_NS)
-    before, during = _instants((rows, whole), summary, own, cycle_ns)
-    reference = None
-    for index in (before, during):
-        if index is not None and reference is None and abs(rows.phasors[index, 0]) > 0:
+    before, during = _instants(rows, whole, network, cleared_ns)
+    reference = 0.0
+    for index in (during, before):
+        if index is not None and abs(rows.phasors[index, 0]) > 0:
             reference = float(np.angle(rows.phasors[index, 0]))
-    return {
-        "elements": _elements(whole, zero or 0),
-        "prefault": _phasors(rows, before, zero, reference),
-        "fault": _phasors(rows, during, zero, reference),
-        "loop": _loop(rows, during, summary, own["trips"], z1),
-        "load_ohm": _load(rows, before),
-        "peak_current": {name: _peak(whole, k, zero) for k, name in enumerate(CHANNELS[3:], 3)},
-        "frequency_hz": {
-            "prefault": None if before is None else number(rows.frequency[before]),
-            "fault": None if during is None else number(rows.frequency[during]),
-        },
-        "location": next(
-            (e["text"] for e in reversed(summary["events"]) if _is_location(e, rows.name)), None
+    return RelayFacts(
+        line=place[0],
+        breaker=place[1],
+        samples=len(whole),
+        sampling_hz=number(whole.sampling_hz),
+        first_ns=whole.first_ns,
+        last_ns=whole.last_ns,
+        trips=trips,
+        cleared_ns=cleared_ns,
+        elements=_elements(whole, network.inception.zero_ns),
+        prefault=_phasors(rows, before, network.inception.zero_ns, reference),
+        fault=_phasors(rows, during, network.inception.zero_ns, reference),
+        loop=_loop(rows, during, network, trips, line_impedance(log, whole.name)),
+        load_ohm=_load(rows, before),
+        peak_current={name: _peak(whole, k, zero) for k, name in enumerate(CHANNELS[3:], 3)},
+        frequency_hz=Frequency(
+            prefault=None if before is None else number(rows.frequency[before]),
+            fault=None if during is None else number(rows.frequency[during]),
         ),
-    }
+        location=next((e.text for e in reversed(network.events) if _is_location(e, rows.name)), None),
+    )
 
 
-def _is_location(event: dict[str, Any], relay: str) -> bool:
-    return event["source"] == relay and event["text"].startswith("RFLO")
+def _is_location(event: Event, relay: str) -> bool:
+    return event.source == relay and event.text.startswith("RFLO")
 
 
-def _cleared_ns(summary: Summary, own: dict[str, Any]) -> int | None:
+def _cleared_ns(network: Network, trips: Sequence[TripFacts]) -> int | None:
     """When the relay's fault state ended: its own breaker's first pole opened, or the last fault went.
 
     Of a relay that opened nothing: the first pole that opened anywhere.  None: it never ended.
     """
-    zero = summary["inception"]["t_ns"]
+    zero = network.inception.t_ns
     if zero is None:
         return None
-    times = [t for trip in own["trips"] for t in trip["poles_opened_ns"].values()]
+    times = [t for trip in trips for t in trip.poles_opened_ns.values()]
     if not times:
-        times = [op["t_ns"] for b in summary["breakers"].values() for op in b["operations"] if op["opened"]]
-    offs = [fault["off_ns"] for fault in summary["faults"]]
-    if offs and None not in offs:
+        times = [op.t_ns for b in network.breakers.values() for op in b.operations if op.opened]
+    offs = [fault.off_ns for fault in network.faults if fault.off_ns is not None]
+    if offs and len(offs) == len(network.faults):
         times.append(max(offs))
     return min((t for t in times if t > zero), default=None)
 
 
-def _changes(summary: Summary) -> list[int]:
+def _changes(network: Network) -> list[int]:
     """Every time at which the network changed: a fault on or off, a pole open or closed."""
-    times = [t for fault in summary["faults"] for t in (fault["on_ns"], fault["off_ns"]) if t is not None]
-    for breaker in summary["breakers"].values():
-        times += [op["t_ns"] for op in breaker["operations"] if op["opened"] or op["closed"]]
+    times = [t for fault in network.faults for t in (fault.on_ns, fault.off_ns) if t is not None]
+    for breaker in network.breakers.values():
+        times += [op.t_ns for op in breaker.operations if op.opened or op.closed]
     return times
 
 
 def _instants(
-    seen: tuple[RelayRows, Survey], summary: Summary, own: dict[str, Any], cycle_ns: float
+    rows: RelayRows, whole: Survey, network: Network, cleared_ns: int | None
 ) -> tuple[int | None, int | None]:
     """Rows just before the fault and where the fault state was steadiest; None where there is none.
 
@@ -138,15 +169,14 @@ def _instants(
     it: the estimators' window.  A record without breakers says only by the elements' reset when the fault was
     over.
     """
-    rows, whole = seen
-    zero = summary["inception"]["t_ns"]
+    zero, cycle_ns, told = network.inception.t_ns, network.cycle_ns, network.inception.source == "plant"
     if zero is None or not len(rows):
         return last_before(rows, np.inf), None
-    margin = 0 if summary["inception"]["source"] == "plant" else cycle_ns / 2
-    reset = _last_reset(whole, zero - margin) if summary["inception"]["source"] != "plant" else None
+    margin = 0 if told else cycle_ns / 2
+    reset = None if told else _last_reset(whole, zero - margin)
     end_ns = int(rows.t_ns[-1]) + 1
-    stop = max(min(own["cleared_ns"] or reset or end_ns, end_ns), zero)
-    edges = sorted({zero, stop, *(t for t in _changes(summary) if zero < t < stop)})
+    stop = max(min(cleared_ns or reset or end_ns, end_ns), zero)
+    edges = sorted({zero, stop, *(t for t in _changes(network) if zero < t < stop)})
     stretches = list(pairwise(edges))
     long = [stretch for stretch in stretches if stretch[1] - stretch[0] >= 1.5 * cycle_ns]
     start, end = long[-1] if long else max(stretches, key=lambda s: s[1] - s[0], default=(zero, stop))
@@ -168,7 +198,7 @@ def _last_reset(whole: Survey, since: float) -> int | None:
     return None if not ends or None in ends else max(end for end in ends if end is not None)
 
 
-def _elements(whole: Survey, zero: int) -> list[dict[str, Any]]:
+def _elements(whole: Survey, zero: int) -> list[ElementFacts]:
     """Every bit that ever was on, by the time it first was."""
     out = []
     for name, spans in whole.spans.items():
@@ -176,64 +206,50 @@ def _elements(whole: Survey, zero: int) -> list[dict[str, Any]]:
         place = next((k for k, (_, off) in enumerate(spans) if off is None or off > zero), 0)
         first, last = spans[place], spans[-1]
         out.append(
-            {
-                "name": name,
-                "first_ns": first[0],
-                "first_ms": after_ms(first[0], zero),
-                "last_off_ns": last[1],
-                "last_off_ms": after_ms(last[1], zero),
-                "times": len(spans),
-                "earlier_ms": [after_ms(on, zero) for on, _ in spans[:place]],
-            }
+            ElementFacts(
+                name=name,
+                first_ns=first[0],
+                first_ms=after_ms(first[0], zero),
+                last_off_ns=last[1],
+                last_off_ms=after_ms(last[1], zero),
+                times=len(spans),
+                earlier_ms=[after_ms(on, zero) for on, _ in spans[:place]],
+            )
         )
-    return sorted(out, key=lambda element: (element["first_ns"], element["name"]))
+    return sorted(out, key=lambda element: (element.first_ns, element.name))
 
 
-def _phasors(
-    rows: RelayRows, index: int | None, zero: int | None, reference: float | None
-) -> dict[str, Any] | None:
+def _phasors(rows: RelayRows, index: int | None, zero: int, reference: float) -> PhasorFacts | None:
     """RMS magnitudes and angles at a row; angles against VA before the fault."""
     if index is None:
         return None
-    found = {}
-    for channel, phasor in zip(CHANNELS, rows.phasors[index].tolist(), strict=True):
-        turned = phasor * np.exp(-1j * (reference or 0.0))
-        found[channel] = {"magnitude": abs(phasor), "angle_deg": math.degrees(np.angle(turned))}
+    turn = np.exp(-1j * reference)
+    found = [Phasor(abs(z), math.degrees(np.angle(z * turn))) for z in rows.phasors[index].tolist()]
     t_ns = int(rows.t_ns[index])
-    return {"t_ns": t_ns, "ms": after_ms(t_ns, zero or 0), **found}
+    return PhasorFacts(t_ns, after_ms(t_ns, zero), *found)
 
 
-def _ohm(z: complex) -> dict[str, Any]:
-    return {
-        "r_ohm": z.real,
-        "x_ohm": z.imag,
-        "magnitude_ohm": abs(z),
-        "angle_deg": math.degrees(math.atan2(z.imag, z.real)),
-    }
+def _ohm(z: complex) -> Impedance:
+    return Impedance(z.real, z.imag, abs(z), math.degrees(math.atan2(z.imag, z.real)))
 
 
 def _loop(
-    rows: RelayRows,
-    index: int | None,
-    summary: Summary,
-    trips: list[dict[str, Any]],
-    z1: complex | None,
-) -> dict[str, Any] | None:
-    """The faulted loop's impedance; ``percent_of_line`` by its reactance, as relays without more do it."""
+    rows: RelayRows, index: int | None, network: Network, trips: Sequence[TripFacts], z1: complex | None
+) -> FaultedLoop | None:
     if index is None:
         return None
-    types = [fault["type"] for fault in summary["faults"]]
-    found = faulted_loop(rows, index, [trip["loop"] for trip in trips], types[0] if types else None)
+    fault_type = network.faults[0].type if network.faults else None
+    found = faulted_loop(rows, index, [trip.loop for trip in trips], fault_type)
     if found is None:
         return None
     z = complex(rows.loops[index, LOOPS.index(found[0])])
     if not (math.isfinite(z.real) and math.isfinite(z.imag)):
         return None
     percent = 100 * z.imag / z1.imag if z1 is not None and z1.imag else None
-    return {"loop": found[0], "known_from": found[1], **_ohm(z), "percent_of_line": percent}
+    return FaultedLoop(*found, *astuple(_ohm(z)), percent_of_line=percent)
 
 
-def _load(rows: RelayRows, index: int | None) -> dict[str, Any] | None:
+def _load(rows: RelayRows, index: int | None) -> Impedance | None:
     """Positive-sequence impedance before the fault."""
     if index is None:
         return None
@@ -242,20 +258,17 @@ def _load(rows: RelayRows, index: int | None) -> dict[str, Any] | None:
     return _ohm(v1 / i1) if abs(i1) > 1e-9 else None
 
 
-def _peak(whole: Survey, channel: int, zero: int | None) -> dict[str, Any] | None:
+def _peak(whole: Survey, channel: int, zero: int | None) -> Peak | None:
     """Greatest instantaneous value and greatest RMS phasor of a channel."""
     if not np.isfinite(whole.peaks[channel]):
         return None
     t_ns = int(whole.peak_ns[channel])
-    return {
-        "instantaneous": float(whole.peaks[channel]),
-        "t_ns": t_ns,
-        "ms": after_ms(t_ns, zero or 0),
-        "rms": number(float(whole.rms[channel])),
-    }
+    return Peak(
+        float(whole.peaks[channel]), t_ns, after_ms(t_ns, zero or 0), number(float(whole.rms[channel]))
+    )
 
 
-def relay_warnings(whole: Survey, own: dict[str, Any], inception: dict[str, Any]) -> list[str]:
+def relay_warnings(whole: Survey, own: RelayFacts, inception: Inception) -> list[str]:
     name = whole.name
     if not len(whole):
         return [f"{name}: no samples"]
@@ -270,11 +283,11 @@ def relay_warnings(whole: Survey, own: dict[str, Any], inception: dict[str, Any]
         out.append(f"{name}: no phasor is a number")
     if whole.gaps:
         out.append(f"{name}: {whole.gaps} gap{'s' if whole.gaps > 1 else ''} in the samples")
-    for trip in own["trips"]:
-        if own["breaker"] is not None and trip["received_ns"] is None:
-            out.append(f"{name}: its breaker {own['breaker']} did not receive the trip of {trip['function']}")
-        elif own["breaker"] is not None and trip["opened_ns"] is None:
-            out.append(f"{name}: breaker {own['breaker']} did not open poles {trip['poles']} in this log")
-    if own["prefault"] is None and inception["t_ns"] is not None:
+    for trip in own.trips if own.breaker is not None else ():
+        if trip.received_ns is None:
+            out.append(f"{name}: its breaker {own.breaker} did not receive the trip of {trip.function}")
+        elif trip.opened_ns is None:
+            out.append(f"{name}: breaker {own.breaker} did not open poles {trip.poles} in this log")
+    if own.prefault is None and inception.t_ns is not None:
         out.append(f"{name}: nothing before the fault; no pre-fault phasors")
     return out

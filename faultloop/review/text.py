@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from faultloop.io.messages import CHANNELS
+from faultloop.review.facts import BusFacts, ElementFacts, FaultFacts, Phasor, Summary
 
-Summary = dict[str, Any]
 Rows = list[tuple[str, ...]]
 NONE = "-"
 
@@ -53,54 +52,52 @@ def print_review(summary: Summary, console: Console) -> None:
     for title, columns, rows in tables(summary):
         console.print()
         console.print(_table(title, columns, rows))
-    if not any(own["trips"] for own in summary["relays"].values()):
+    if not any(own.trips for own in summary.relays.values()):
         console.print("\nNo trip.")
-    console.print(f"\n{can_text(summary['can'])}", markup=False)
-    for warning in summary["warnings"]:
+    console.print(f"\n{can_text(summary.can)}", markup=False)
+    for warning in summary.warnings:
         console.print("warning: ", style="yellow", end="")
         console.print(warning, markup=False)
 
 
 def headline(summary: Summary) -> list[str]:
     """Log, faults and where time zero comes from, one line each."""
-    log, zero = summary["log"], summary["inception"]
-    name = f"{log['scenario']}: " if log["scenario"] else ""
-    size = f"{log['size_bytes'] / 1e6:.1f} MB"
-    relays = f"relays {', '.join(log['relays'])}" if log["relays"] else "no relay"
-    lines = [f"{name}{log['duration_s']:.4g} s from {log['start'][:23]}Z, {relays}, {size}"]
-    lines += [fault_text(fault) for fault in summary["faults"]]
-    if zero["t_ns"] is None:
-        return [*lines, f"Time zero: {zero['text']}."]
-    return [*lines, f"Time zero, {zero['t_ns'] / 1e6:.3f} ms into the log: {zero['text']}."]
+    log, zero = summary.log, summary.inception
+    name = f"{log.scenario}: " if log.scenario else ""
+    size = f"{log.size_bytes / 1e6:.1f} MB"
+    relays = f"relays {', '.join(log.relays)}" if log.relays else "no relay"
+    lines = [f"{name}{log.duration_s:.4g} s from {log.start[:23]}Z, {relays}, {size}"]
+    lines += [fault_text(fault) for fault in summary.faults]
+    if zero.t_ns is None:
+        return [*lines, f"Time zero: {zero.text}."]
+    return [*lines, f"Time zero, {zero.t_ns / 1e6:.3f} ms into the log: {zero.text}."]
 
 
-def fault_text(fault: dict[str, Any]) -> str:
+def fault_text(fault: FaultFacts) -> str:
     """``Fault F1 AG on AB at 40 %, 1 ohm: 0.000 ms to 200.000 ms``."""
-    parts = [f"Fault {fault.get('name') or fault['fault']} {fault['type']}"]
-    if "line" in fault:
-        at = f"{100 * fault['at_pu']:g} %" if "at_pu" in fault else f"{fault.get('at_km', 0):g} km"
-        parts.append(f"on {fault['line']} at {at}")
-    elif "bus" in fault:
-        parts.append(f"at bus {fault['bus']}")
-    ohms = [f"{fault[key]:g} ohm{to}" for key, to in OHMS if fault.get(key)]
-    until = "the end" if fault["off_ms"] is None else f"{fault['off_ms']:.3f} ms"
-    return f"{', '.join([' '.join(parts), *ohms])}: {fault['on_ms']:.3f} ms to {until}"
+    parts = [f"Fault {fault.called} {fault.type}"]
+    if fault.line is not None:
+        at = f"{100 * fault.at_pu:g} %" if fault.at_pu is not None else f"{fault.at_km or 0:g} km"
+        parts.append(f"on {fault.line} at {at}")
+    elif fault.bus is not None:
+        parts.append(f"at bus {fault.bus}")
+    ohms = [(fault.resistance_ohm, ""), (fault.ground_ohm, " to ground")]
+    told = [f"{value:g} ohm{to}" for value, to in ohms if value]
+    until = "the end" if fault.off_ms is None else f"{fault.off_ms:.3f} ms"
+    return f"{', '.join([' '.join(parts), *told])}: {fault.on_ms:.3f} ms to {until}"
 
 
-OHMS = (("resistance_ohm", ""), ("ground_ohm", " to ground"))
-
-
-def can_text(can: dict[str, Any]) -> str:
+def can_text(can: BusFacts) -> str:
     """``12 CAN frames: 2 trip, 10 measurements``."""
-    if not can["frames"]:
+    if not can.frames:
         return "No CAN frame."
-    kinds = ", ".join(f"{count} {kind.lower().replace('_', ' ')}" for kind, count in can["kinds"].items())
-    return f"{can['frames']} CAN frames: {kinds}"
+    kinds = ", ".join(f"{count} {kind.lower().replace('_', ' ')}" for kind, count in can.kinds.items())
+    return f"{can.frames} CAN frames: {kinds}"
 
 
 def tables(summary: Summary) -> Iterable[tuple[str, Sequence[str], Rows]]:
     """Title, columns (``>``: right-aligned) and rows of each table that has something to say."""
-    several = len(summary["faults"]) > 1
+    several = len(summary.faults) > 1
     trips = trip_rows(summary) if several else [(*row[:8], row[10]) for row in trip_rows(summary)]
     columns = TRIP_COLUMNS if several else (*TRIP_COLUMNS[:8], TRIP_COLUMNS[10])
     found = (
@@ -117,19 +114,19 @@ def trip_rows(summary: Summary) -> Rows:
     return [
         (
             name,
-            trip["function"],
-            trip["loop"] or NONE,
-            trip["poles"] or NONE,
-            _fixed(trip["decided_ms"], 2),
-            _fixed(trip["received_ms"], 2),
-            " ".join(part for part in (trip["breaker"], trip["received_by"]) if part) or NONE,
-            _fixed(trip["opened_ms"], 2),
-            trip["fault"] or NONE,
-            _fixed(trip["after_fault_ms"], 2),
-            _location(own["location"]),
+            trip.function,
+            trip.loop or NONE,
+            trip.poles or NONE,
+            _fixed(trip.decided_ms, 2),
+            _fixed(trip.received_ms, 2),
+            " ".join(part for part in (trip.breaker, trip.received_by) if part) or NONE,
+            _fixed(trip.opened_ms, 2),
+            trip.fault or NONE,
+            _fixed(trip.after_fault_ms, 2),
+            _location(own.location),
         )
-        for name, own in summary["relays"].items()
-        for trip in own["trips"]
+        for name, own in summary.relays.items()
+        for trip in own.trips
     ]
 
 
@@ -139,20 +136,23 @@ def _location(text: str | None) -> str:
 
 def phasor_rows(summary: Summary) -> Rows:
     rows: Rows = []
-    first = "before" if summary["inception"]["t_ns"] is not None else "last"
-    for name, own in summary["relays"].items():
-        for when, key in ((first, "prefault"), ("fault", "fault")):
-            at = own[key]
+    first = "before" if summary.inception.t_ns is not None else "last"
+    for name, own in summary.relays.items():
+        instants = (
+            (first, own.prefault, own.frequency_hz.prefault),
+            ("fault", own.fault, own.frequency_hz.fault),
+        )
+        for when, at, hz in instants:
             if at is not None:
                 values = [phasor_text(channel, at[channel]) for channel in CHANNELS]
-                rows.append((name, when, _fixed(at["ms"], 1), *values, _fixed(own["frequency_hz"][key], 3)))
+                rows.append((name, when, _fixed(at.ms, 1), *values, _fixed(hz, 3)))
     return rows
 
 
-def phasor_text(channel: str, phasor: dict[str, float]) -> str:
+def phasor_text(channel: str, phasor: Phasor) -> str:
     """``126.8 kV -120.0°``; currents below 1 kA in ampere."""
-    size, unit = phasor["magnitude"], "V" if channel[0] == "v" else "A"
-    angle = f"{round(phasor['angle_deg'], 1) + 0.0:6.1f}°"  # + 0.0: no -0.0
+    size, unit = phasor.magnitude, "V" if channel[0] == "v" else "A"
+    angle = f"{round(phasor.angle_deg, 1) + 0.0:6.1f}°"  # + 0.0: no -0.0
     if size >= 1000 or unit == "V":
         return f"{size / 1000:.2f} k{unit} {angle}"
     return f"{size:.1f} {unit} {angle}"
@@ -160,62 +160,57 @@ def phasor_text(channel: str, phasor: dict[str, float]) -> str:
 
 def loop_rows(summary: Summary) -> Rows:
     rows: Rows = []
-    for name, own in summary["relays"].items():
-        loop, load = own["loop"] or {}, own["load_ohm"] or {}
-        peaks = [peak["instantaneous"] if peak else None for peak in own["peak_current"].values()]
-        percent = loop.get("percent_of_line")
+    for name, own in summary.relays.items():
+        loop, load = own.loop, own.load_ohm
+        peaks = [peak.instantaneous if peak else None for peak in own.peak_current.values()]
         if not loop and not load and not any(peaks):
             continue
-        rows.append(
-            (
-                name,
-                loop.get("loop", NONE),
-                *(_fixed(loop.get(key), 2) for key in ("r_ohm", "x_ohm", "magnitude_ohm")),
-                _fixed(loop.get("angle_deg"), 1),
-                NONE if percent is None else f"{percent:.1f} %",
-                _fixed(load.get("magnitude_ohm"), 1),
-                *(_fixed(peak, 0) for peak in peaks),
-            )
-        )
+        found: tuple[str, ...] = (NONE,) * 6
+        if loop:
+            percent = NONE if loop.percent_of_line is None else f"{loop.percent_of_line:.1f} %"
+            ohms = [_fixed(value, 2) for value in (loop.r_ohm, loop.x_ohm, loop.magnitude_ohm)]
+            found = (loop.loop, *ohms, _fixed(loop.angle_deg, 1), percent)
+        load_ohm = load.magnitude_ohm if load else None
+        rows.append((name, *found, _fixed(load_ohm, 1), *(_fixed(peak, 0) for peak in peaks)))
     return rows
 
 
 def element_rows(summary: Summary) -> Rows:
     """One row per logical node where its data are start and operate, else per data name."""
     rows: Rows = []
-    for name, own in summary["relays"].items():
-        grouped: dict[str, dict[str, dict[str, Any]]] = {}
-        for element in own["elements"]:
-            node, _, data = element["name"].rpartition(".")
+    for name, own in summary.relays.items():
+        grouped: dict[str, dict[str, ElementFacts]] = {}
+        for element in own.elements:
+            node, _, data = element.name.rpartition(".")
             column = {"Str": "start", "Op": "operate", "Tr": "operate"}.get(data)
-            key, column = (node, column) if column else (element["name"], "start")
+            key, column = (node, column) if column else (element.name, "start")
             grouped.setdefault(key, {})[column] = element
         for node, found in grouped.items():
             first = found.get("start") or found["operate"]
-            on = [_fixed(found[c]["first_ms"], 2) if c in found else NONE for c in ("start", "operate")]
-            off = "stays" if first["last_off_ms"] is None else _fixed(first["last_off_ms"], 2)
+            on = [_fixed(found[c].first_ms, 2) if c in found else NONE for c in ("start", "operate")]
+            off = "stays" if first.last_off_ms is None else _fixed(first.last_off_ms, 2)
             rows.append((name, node, *on, off, _times(first)))
     return rows
 
 
-def _times(element: dict[str, Any]) -> str:
+def _times(element: ElementFacts) -> str:
     """How often it was on; and when it first was, if that was over before the fault."""
-    earlier = element["earlier_ms"]
-    return str(element["times"]) + (f" (first {earlier[0]:.2f})" if earlier else "")
+    earlier = element.earlier_ms
+    return str(element.times) + (f" (first {earlier[0]:.2f})" if earlier else "")
 
 
 def breaker_rows(summary: Summary) -> Rows:
     return [
         (
             name,
-            _fixed(operation["ms"], 2),
-            operation["command"] or NONE,
-            operation["opened"] or NONE,
-            operation["closed"] or NONE,
-            operation["poles_closed"] or "none",
+            _fixed(operation.ms, 2),
+            operation.command or NONE,
+            operation.opened or NONE,
+            operation.closed or NONE,
+            operation.poles_closed or "none",
         )
-        for name, breaker in summary["breakers"].items()
-        for operation in breaker["operations"]
+        for name, breaker in summary.breakers.items()
+        for operation in breaker.operations
     ]
 
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.io.mcap_reader import Log
+from faultloop.review.facts import BreakerFacts, FaultedLoop, RelayFacts, Summary
 from faultloop.review.rows import RelayRows, Span, relay_rows
 from faultloop.review.summary import RECORD
 from faultloop.review.survey import survey
 
-Summary = dict[str, Any]
 Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 Kind = Literal["fault", "forward", "reverse", "start", "operate", "record", "A", "B", "C"]
 
@@ -65,14 +65,14 @@ class RelayView:
     """One relay with times in ms from inception, as ``summary`` has it."""
 
     rows: RelayRows
-    facts: dict[str, Any]
+    facts: RelayFacts
     ms: NDArray[np.float64]
     timeline: list[TimelineRow]
 
 
 def fault_view(log: Log, relay: str, summary: Summary) -> RelayView:
     """The fault's window of a relay's record, and the timeline of the whole."""
-    zero, cycle_ns = summary["inception"]["t_ns"] or 0, 1e9 / summary["log"]["nominal_hz"]
+    zero, cycle_ns = summary.inception.zero_ns, 1e9 / summary.log.nominal_hz
     start, stop = (zero + round(1e6 * ms) for ms in window_ms(summary))
     rows = relay_rows(log, relay, start - round(2 * cycle_ns), stop + round(2 * cycle_ns))
     return relay_view(rows, summary, survey(log, relay).spans)
@@ -80,11 +80,11 @@ def fault_view(log: Log, relay: str, summary: Summary) -> RelayView:
 
 def relay_view(rows: RelayRows, summary: Summary, spans: dict[str, list[Span]] | None = None) -> RelayView:
     """``spans``: of the whole record, where ``rows`` are a part of it."""
-    zero = summary["inception"]["t_ns"] or 0
-    end_ms = (summary["log"]["duration_s"] * 1e9 - zero) / 1e6
+    zero = summary.inception.zero_ns
+    end_ms = (summary.log.duration_s * 1e9 - zero) / 1e6
     return RelayView(
         rows,
-        summary["relays"][rows.name],
+        summary.relays[rows.name],
         (rows.t_ns - zero) / 1e6,
         _timeline(rows.name, spans or rows.spans, summary, end_ms),
     )
@@ -96,18 +96,18 @@ def window_ms(summary: Summary) -> tuple[float, float]:
     From two cycles before the inception to two after the last pole had opened; without a trip to the fault's
     end or the last reset.  Where there is no fault: half a second of the log, with its greatest current.
     """
-    zero = summary["inception"]["t_ns"]
-    cycle = 1e3 / summary["log"]["nominal_hz"]
-    stop = (summary["log"]["duration_s"] * 1e9 - (zero or 0)) / 1e6
-    relays = list(summary["relays"].values())
+    zero = summary.inception.t_ns
+    cycle = 1e3 / summary.log.nominal_hz
+    stop = (summary.log.duration_s * 1e9 - summary.inception.zero_ns) / 1e6
+    relays = list(summary.relays.values())
     if zero is None:
-        peaks = [(p["instantaneous"], p["ms"]) for own in relays for p in own["peak_current"].values() if p]
+        peaks = [(p.instantaneous, p.ms) for own in relays for p in own.peak_current.values() if p]
         start = max(min(max(peaks, default=(0.0, 0.0))[1] - 100.0, stop - 500.0), 0.0)
         return start, max(min(stop, start + 500.0), start + cycle)
-    known = [t for own in relays for trip in own["trips"] for t in (trip["decided_ms"], trip["opened_ms"])]
+    known = [t for own in relays for trip in own.trips for t in (trip.decided_ms, trip.opened_ms)]
     if not any(t is not None for t in known):
-        known = [fault["off_ms"] for fault in summary["faults"]]
-        known += [e["last_off_ms"] for own in relays for e in own["elements"] if e["name"].endswith(".Str")]
+        known = [fault.off_ms for fault in summary.faults]
+        known += [e.last_off_ms for own in relays for e in own.elements if e.name.endswith(".Str")]
     last = max((t for t in known if t is not None), default=10 * cycle)
     return max(-2 * cycle, -zero / 1e6), min(max(last, 2 * cycle) + 2 * cycle, max(stop, cycle), LONGEST_MS)
 
@@ -129,18 +129,18 @@ def thinned(y: NDArray[np.float64], points: int) -> NDArray[np.int64]:
 
 def markers(summary: Summary, relay: str) -> list[tuple[float, str]]:
     """Instants that a person looks for, [ms] and name: fault, trip (as received), poles open."""
-    found = [] if summary["inception"]["t_ns"] is None else [(0.0, "fault")]
-    zero = summary["inception"]["t_ns"] or 0
-    later = sorted({fault["on_ns"] for fault in summary["faults"] if fault["on_ns"] > zero})
+    found = [] if summary.inception.t_ns is None else [(0.0, "fault")]
+    zero = summary.inception.zero_ns
+    later = sorted({fault.on_ns for fault in summary.faults if fault.on_ns > zero})
     found += [((t_ns - zero) / 1e6, "fault") for t_ns in later]
-    trips = summary["relays"][relay]["trips"]
+    trips = summary.relays[relay].trips
     answered: set[str | None] = set()
     for trip in trips:  # the first that answers each fault
-        if trip["fault"] not in answered:
-            received = trip["received_ms"]
-            found.append((trip["decided_ms"], "decided") if received is None else (received, "trip"))
-            answered.add(trip["fault"])
-    last = [t["opened_ms"] for t in trips if t["opened_ms"] is not None]
+        if trip.fault not in answered:
+            received = trip.received_ms
+            found.append((trip.decided_ms, "decided") if received is None else (received, "trip"))
+            answered.add(trip.fault)
+    last = [trip.opened_ms for trip in trips if trip.opened_ms is not None]
     if last:
         found.append((max(last), "poles open"))
     found.sort(key=lambda marker: marker[0])
@@ -150,18 +150,18 @@ def markers(summary: Summary, relay: str) -> list[tuple[float, str]]:
 def locus_ms(summary: Summary, view: RelayView) -> tuple[float, float]:
     """The part of the loops' way that the R-X plane shows: from just before the inception to the own first
     pole's opening; in a record without breakers to the steady instant."""
-    zero, cleared = summary["inception"]["t_ns"], view.facts["cleared_ns"]
+    zero, cleared = summary.inception.t_ns, view.facts.cleared_ns
     if zero is None:
         return window_ms(summary)
     if cleared is not None:
         return -1.0, (cleared - zero) / 1e6
-    fault = view.facts["fault"]
-    return -1.0, fault["ms"] if fault else window_ms(summary)[1]
+    fault = view.facts.fault
+    return -1.0, fault.ms if fault else window_ms(summary)[1]
 
 
-def zone_shapes(zones: Zones, loop: dict[str, Any] | None) -> dict[str, NDArray[np.float64]]:
+def zone_shapes(zones: Zones, loop: FaultedLoop | None) -> dict[str, NDArray[np.float64]]:
     """Each zone's polygon, if it has one: of the phase loops for a phase fault, else of the ground loops."""
-    phase = loop is not None and not loop["loop"].endswith("G")
+    phase = loop is not None and not loop.loop.endswith("G")
     shapes = {zone: polygons[phase] for zone, polygons in zones.items()}
     return {zone: polygon for zone, polygon in shapes.items() if len(polygon) > 2}
 
@@ -172,11 +172,11 @@ def extent_ohm(
     """Corners (2, 2) of what must be seen: zones, line, the fault's impedance, the origin."""
     points = [np.zeros((1, 2)), *shapes.values()]
     points += [np.array([[z1.real, z1.imag]])] if z1 is not None else []
-    loop, load = view.facts["loop"], view.facts["load_ohm"]
+    loop, load = view.facts.loop, view.facts.load_ohm
     if loop:
-        points.append(np.array([[loop["r_ohm"], loop["x_ohm"]]]))
+        points.append(np.array([[loop.r_ohm, loop.x_ohm]]))
     elif len(points) == 1 and load:
-        points.append(1.3 * np.array([[load["r_ohm"], load["x_ohm"]]]))
+        points.append(1.3 * np.array([[load.r_ohm, load.x_ohm]]))
     every = np.concatenate(points)
     return np.array([every.min(axis=0), every.max(axis=0)])
 
@@ -185,7 +185,7 @@ def _timeline(
     relay: str, spans_of: dict[str, list[Span]], summary: Summary, end_ms: float
 ) -> list[TimelineRow]:
     """Fault, direction, zones and other elements by name, trip logic, breaker."""
-    zero = summary["inception"]["t_ns"] or 0
+    zero = summary.inception.zero_ns
     found: dict[str, list[Bar]] = {}
     for name, spans in spans_of.items():
         node, _, data = name.rpartition(".")
@@ -196,27 +196,27 @@ def _timeline(
             for on, off in spans
         )
     timeline = []
-    if summary["faults"]:
-        numbers = sorted({f["fault"] for f in summary["faults"]})  # each fault has its lane
+    if summary.faults:
+        numbers = sorted({f.fault for f in summary.faults})  # each fault has its lane
         bars = [
             Bar(
-                f["on_ms"],
-                end_ms if f["off_ms"] is None else f["off_ms"],
+                f.on_ms,
+                end_ms if f.off_ms is None else f.off_ms,
                 "fault",
-                f["type"],
-                numbers.index(f["fault"]),
+                f.type,
+                numbers.index(f.fault),
                 len(numbers),
             )
-            for f in summary["faults"]
+            for f in summary.faults
         ]
         timeline.append(TimelineRow("fault", bars))
     for label in sorted(found, key=_place):
         bars = sorted(found[label], key=lambda bar: bar.kind == "operate")  # operate over start
         timeline.append(TimelineRow(label, bars))
     timeline += _digital(summary, end_ms)
-    breaker = summary["relays"][relay]["breaker"] or RECORD
-    if breaker in summary["breakers"]:
-        bars = _open_poles(summary["breakers"][breaker], end_ms)
+    breaker = summary.relays[relay].breaker or RECORD
+    if breaker in summary.breakers:
+        bars = _open_poles(summary.breakers[breaker], end_ms)
         timeline.append(TimelineRow(breaker, bars))
     return timeline
 
@@ -224,11 +224,9 @@ def _timeline(
 def _digital(summary: Summary, end_ms: float) -> list[TimelineRow]:
     """A replayed record's own digital channels, those that changed first."""
     rows = []
-    for channel in summary["digital"][:DIGITAL_ROWS]:
-        bars = [
-            Bar(on, end_ms if off is None else off, "record", channel["name"]) for on, off in channel["on_ms"]
-        ]
-        rows.append(TimelineRow(channel["name"], bars))
+    for channel in summary.digital[:DIGITAL_ROWS]:
+        bars = [Bar(on, end_ms if off is None else off, "record", channel.name) for on, off in channel.on_ms]
+        rows.append(TimelineRow(channel.name, bars))
     return rows
 
 
@@ -245,19 +243,19 @@ def _place(label: str) -> tuple[int, int, str]:
     return group, int(digits or 0), label
 
 
-def _open_poles(breaker: dict[str, Any], end_ms: float) -> list[Bar]:
+def _open_poles(breaker: BreakerFacts, end_ms: float) -> list[Bar]:
     """From a breaker's operations, when each pole was open."""
     bars = []
     poles: tuple[Kind, ...] = ("A", "B", "C")
     for lane, pole in enumerate(poles):
-        closed = breaker["initially_closed"] is None or pole in breaker["initially_closed"]
+        closed = breaker.initially_closed is None or pole in breaker.initially_closed
         since = None if closed else float("-inf")
-        for operation in breaker["operations"]:
-            is_open = pole not in operation["poles_closed"]
+        for operation in breaker.operations:
+            is_open = pole not in operation.poles_closed
             if is_open and since is None:
-                since = operation["ms"]
+                since = operation.ms
             elif not is_open and since is not None:
-                bars.append(Bar(since, operation["ms"], pole, f"pole {pole} open", lane, 3))
+                bars.append(Bar(since, operation.ms, pole, f"pole {pole} open", lane, 3))
                 since = None
         if since is not None:
             bars.append(Bar(since, end_ms, pole, f"pole {pole} open", lane, 3))

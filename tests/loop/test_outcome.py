@@ -30,9 +30,9 @@ def as_told(scenario: Scenario, folder: Path, without: tuple[str, ...] = ()) -> 
     assert sum(outcome.can_frames.values()) == result.can_frames
     summary = summarize(opened)
     reviewed = [
-        (name, trip["decided_ns"], trip["received_ns"], trip["opened_ns"])
-        for name, relay in summary["relays"].items()
-        for trip in relay["trips"]
+        (name, trip.decided_ns, trip.received_ns, trip.opened_ns)
+        for name, relay in summary.relays.items()
+        for trip in relay.trips
     ]
     assert sorted(reviewed) == sorted((t.relay, t.t_ns, t.received_ns, t.opened_ns) for t in result.trips)
     return result

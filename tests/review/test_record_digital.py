@@ -41,21 +41,21 @@ def test_events_and_spans(log: Path) -> None:
     opened = faultloop.open_log(log)
     assert len({entry.number for entry in opened.digital}) == 32
     summary = summarize(opened)
-    told = [e for e in summary["events"] if e["source"] == "record"]
-    assert len({e["text"].rsplit(" ", 1)[0] for e in told}) == len(summary["digital"]) == 8
-    assert [e["t_ns"] for e in summary["events"]] == sorted(e["t_ns"] for e in summary["events"])
-    assert any(0.97e9 < e["t_ns"] < 0.99e9 and e["text"].endswith(" on") for e in told)
-    for channel in summary["digital"]:
-        assert all(off is None or on < off for on, off in channel["on_ms"])
+    told = [e for e in summary.events if e.source == "record"]
+    assert len({e.text.rsplit(" ", 1)[0] for e in told}) == len(summary.digital) == 8
+    assert [e.t_ns for e in summary.events] == sorted(e.t_ns for e in summary.events)
+    assert any(0.97e9 < e.t_ns < 0.99e9 and e.text.endswith(" on") for e in told)
+    for channel in summary.digital:
+        assert all(off is None or on < off for on, off in channel.on_ms)
 
 
 def test_they_are_exported(log: Path, tmp_path: Path) -> None:
     assert call(["export", str(log), "--comtrade", str(tmp_path / "x.cfg")]) == 0
     ours = {c.name: c.values for c in read_comtrade(tmp_path / "x.cfg").status if c.circuit == "record"}
     summary = summarize(faultloop.open_log(log))
-    assert len(ours) >= len(summary["digital"])
-    for channel in summary["digital"]:
-        assert ours[channel["name"]].any() and not ours[channel["name"]].all()
+    assert len(ours) >= len(summary.digital)
+    for channel in summary.digital:
+        assert ours[channel.name].any() and not ours[channel.name].all()
 
 
 def test_a_log_with_a_gap_is_exported_with_its_times(shared: Path, tmp_path: Path) -> None:

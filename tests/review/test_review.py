@@ -17,8 +17,10 @@ from faultloop.cli import call
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.recover import recover_log
+from faultloop.review.facts import BusFacts, Frequency, Inception, Summary, as_json
+from faultloop.review.relay_summary import line_impedance
 from faultloop.review.rows import relay_rows, spans_of
-from faultloop.review.summary import line_impedance, summarize
+from faultloop.review.summary import summarize
 from faultloop.review.text import print_review, tables
 from faultloop.review.view import fault_view, markers
 from tests.review.review_logs import (
@@ -38,14 +40,15 @@ from tests.review.review_logs import (
 )
 
 
-def summary_of(path: Path) -> dict[str, Any]:
+def summary_of(path: Path) -> Summary:
     """Summarized, and strict JSON at that."""
     summary = summarize(open_log(path))
-    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    told = as_json(summary)
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
     return summary
 
 
-def text_of(summary: dict[str, Any]) -> str:
+def text_of(summary: Summary) -> str:
     console = Console(width=200, record=True, file=StringIO())
     print_review(summary, console)
     return console.export_text()
@@ -57,78 +60,76 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def summary(known: Path) -> dict[str, Any]:
+def summary(known: Path) -> Summary:
     return summary_of(known)
 
 
-def test_times_are_the_logs_own(summary: dict[str, Any]) -> None:
-    assert summary["inception"] == {
-        "t_ns": FAULT_NS, "source": "plant", "text": "as the plant applied the fault",
-    }  # fmt: skip
-    (trip,) = summary["relays"]["R1"]["trips"]
-    assert trip["decided_ns"] == times(DECIDED + 1)[-1]
-    assert trip["sample_count"] == DECIDED
-    assert trip["received_ns"] == RECEIVED_NS  # and not the other relay's command 50 us before
-    assert trip["received_by"] == "breaker"
-    assert trip["received_ms"] == (RECEIVED_NS - FAULT_NS) / 1e6
-    assert trip["poles_opened_ns"] == dict(zip("ABC", OPENED_NS, strict=True))
-    assert trip["opened_ns"] == max(OPENED_NS)
-    assert (trip["function"], trip["loop"], trip["poles"], trip["breaker"]) == ("PDIS1", "AG", "ABC", "Q1")
+def test_times_are_the_logs_own(summary: Summary) -> None:
+    assert summary.inception == Inception(FAULT_NS, "plant", "as the plant applied the fault")
+    (trip,) = summary.relays["R1"].trips
+    assert trip.decided_ns == times(DECIDED + 1)[-1]
+    assert trip.sample_count == DECIDED
+    assert trip.received_ns == RECEIVED_NS  # and not the other relay's command 50 us before
+    assert trip.received_by == "breaker"
+    assert trip.received_ms == (RECEIVED_NS - FAULT_NS) / 1e6
+    assert trip.poles_opened_ns == dict(zip("ABC", OPENED_NS, strict=True))
+    assert trip.opened_ns == max(OPENED_NS)
+    assert (trip.function, trip.loop, trip.poles, trip.breaker) == ("PDIS1", "AG", "ABC", "Q1")
 
 
-def test_fault_as_applied(summary: dict[str, Any]) -> None:
-    (fault,) = summary["faults"]
-    assert (fault["on_ns"], fault["off_ns"], fault["type"]) == (FAULT_NS, 300_000_000, "AG")
-    assert (fault["name"], fault["line"], fault["at_pu"], fault["resistance_ohm"]) == ("F1", "AB", 0.4, 1.0)
+def test_fault_as_applied(summary: Summary) -> None:
+    (fault,) = summary.faults
+    assert (fault.on_ns, fault.off_ns, fault.type) == (FAULT_NS, 300_000_000, "AG")
+    assert (fault.name, fault.line, fault.at_pu, fault.resistance_ohm) == ("F1", "AB", 0.4, 1.0)
 
 
-def test_phasors_against_va_before_the_fault(summary: dict[str, Any]) -> None:
-    own = summary["relays"]["R1"]
+def test_phasors_against_va_before_the_fault(summary: Summary) -> None:
+    own = summary.relays["R1"]
     for key, wanted in (("prefault", BEFORE), ("fault", FAULT)):
-        got = own[key]
+        got = getattr(own, key)
         for channel, phasor in zip(("va", "vb", "vc", "ia", "ib", "ic"), wanted, strict=True):
-            assert got[channel]["magnitude"] == pytest.approx(abs(phasor), rel=1e-12)
+            assert got[channel].magnitude == pytest.approx(abs(phasor), rel=1e-12)
             turned = np.degrees(np.angle(phasor * np.exp(-1j * np.radians(30))))
-            assert got[channel]["angle_deg"] == pytest.approx(turned, abs=1e-9)
-    assert own["prefault"]["t_ns"] < FAULT_NS <= own["prefault"]["t_ns"] + 208_334
-    assert FAULT_NS + 20_000_000 <= own["fault"]["t_ns"] < min(OPENED_NS)
-    assert own["frequency_hz"] == {"prefault": 50.0, "fault": 50.0}
+            assert got[channel].angle_deg == pytest.approx(turned, abs=1e-9)
+    assert own.prefault.t_ns < FAULT_NS <= own.prefault.t_ns + 208_334
+    assert FAULT_NS + 20_000_000 <= own.fault.t_ns < min(OPENED_NS)
+    assert own.frequency_hz == Frequency(prefault=50.0, fault=50.0)
 
 
-def test_loop_in_part_of_the_line(known: Path, summary: dict[str, Any]) -> None:
-    loop = summary["relays"]["R1"]["loop"]
-    assert (loop["loop"], loop["known_from"]) == ("AG", "trip")
-    assert complex(loop["r_ohm"], loop["x_ohm"]) == LOOP_OHM
-    assert loop["angle_deg"] == pytest.approx(math.degrees(math.atan2(16, 3.5)))
+def test_loop_in_part_of_the_line(known: Path, summary: Summary) -> None:
+    loop = summary.relays["R1"].loop
+    assert (loop.loop, loop.known_from) == ("AG", "trip")
+    assert complex(loop.r_ohm, loop.x_ohm) == LOOP_OHM
+    assert loop.angle_deg == pytest.approx(math.degrees(math.atan2(16, 3.5)))
     # secondary settings: 20 ohm x 2000 / 1000
     assert line_impedance(open_log(known), "R1") == 6 + 40j
-    assert loop["percent_of_line"] == pytest.approx(40.0)
-    load = summary["relays"]["R1"]["load_ohm"]
-    assert load["magnitude_ohm"] == pytest.approx(127e3 / 400)
-    assert load["angle_deg"] == pytest.approx(10.0)
+    assert loop.percent_of_line == pytest.approx(40.0)
+    load = summary.relays["R1"].load_ohm
+    assert load.magnitude_ohm == pytest.approx(127e3 / 400)
+    assert load.angle_deg == pytest.approx(10.0)
 
 
-def test_peaks_elements_breaker_and_bus(summary: dict[str, Any]) -> None:
-    own = summary["relays"]["R1"]
-    assert own["peak_current"]["ia"]["instantaneous"] == 9000.0
-    assert own["peak_current"]["ia"]["t_ns"] == times(601)[-1]
-    assert own["peak_current"]["ia"]["rms"] == pytest.approx(4000)
-    first = {element["name"]: element["first_ns"] for element in own["elements"]}
+def test_peaks_elements_breaker_and_bus(summary: Summary) -> None:
+    own = summary.relays["R1"]
+    assert own.peak_current["ia"].instantaneous == 9000.0
+    assert own.peak_current["ia"].t_ns == times(601)[-1]
+    assert own.peak_current["ia"].rms == pytest.approx(4000)
+    first = {element.name: element.first_ns for element in own.elements}
     t = times(1920)
     assert first == {
         "PDIS2.Str": t[540], "RDIR1.DirFwd": t[540], "PHS1.AG": t[540], "PDIS1.Str": t[560],
         "PTRC1.Str": t[560], "PDIS1.Op": t[DECIDED], "PTRC1.Tr": t[DECIDED],
     }  # fmt: skip
-    assert all(element["last_off_ns"] == t[800] for element in own["elements"])
-    assert own["location"] == "RFLO1 fault AG at 0.401 of the line"
-    breaker = summary["breakers"]["Q1"]
-    assert (breaker["initially_closed"], breaker["finally_closed"]) == ("ABC", "")
-    assert [op["opened"] for op in breaker["operations"]] == ["", "", "A", "C", "B"]
-    assert summary["can"] == {"frames": 3, "kinds": {"TRIP": 1, "HEARTBEAT": 1, "unknown": 1}}
-    assert summary["warnings"] == []
+    assert all(element.last_off_ns == t[800] for element in own.elements)
+    assert own.location == "RFLO1 fault AG at 0.401 of the line"
+    breaker = summary.breakers["Q1"]
+    assert (breaker.initially_closed, breaker.finally_closed) == ("ABC", "")
+    assert [op.opened for op in breaker.operations] == ["", "", "A", "C", "B"]
+    assert summary.can == BusFacts(3, {"TRIP": 1, "HEARTBEAT": 1, "unknown": 1})
+    assert summary.warnings == []
 
 
-def test_printed(summary: dict[str, Any]) -> None:
+def test_printed(summary: Summary) -> None:
     text = text_of(summary)
     for words in (
         "known: 0.3998 s",
@@ -145,15 +146,15 @@ def test_replay_estimates_the_inception(tmp_path: Path) -> None:
     """Without the plant's word: the first changed sample before the first pickup, and it says so."""
     summary = summary_of(write_log(tmp_path / "replay.mcap", truth=False, relay="replay"))
     t = times(1920)
-    assert summary["inception"]["source"] == "samples"
-    assert summary["inception"]["t_ns"] == t[np.searchsorted(t, FAULT_NS)]
-    assert "estimated" in summary["inception"]["text"]
-    own = summary["relays"]["replay"]
-    assert own["trips"][0]["received_ns"] is None and own["trips"][0]["opened_ns"] is None
-    assert own["loop"]["percent_of_line"] == pytest.approx(40.0)
-    assert own["fault"]["ia"]["magnitude"] == pytest.approx(4000)
-    assert own["prefault"]["ia"]["magnitude"] == pytest.approx(400)
-    assert any("does not say when the fault began" in warning for warning in summary["warnings"])
+    assert summary.inception.source == "samples"
+    assert summary.inception.t_ns == t[np.searchsorted(t, FAULT_NS)]
+    assert "estimated" in summary.inception.text
+    own = summary.relays["replay"]
+    assert own.trips[0].received_ns is None and own.trips[0].opened_ns is None
+    assert own.loop.percent_of_line == pytest.approx(40.0)
+    assert own.fault["ia"].magnitude == pytest.approx(4000)
+    assert own.prefault["ia"].magnitude == pytest.approx(400)
+    assert any("does not say when the fault began" in warning for warning in summary.warnings)
 
 
 def test_pickup_is_all_there_is(tmp_path: Path) -> None:
@@ -165,9 +166,9 @@ def test_pickup_is_all_there_is(tmp_path: Path) -> None:
         block["samples"] = np.sin(2 * np.pi * 50 * block["t_ns"] / 1e9)[:, None] * np.ones(6)
         log.relay_block("R1", *block.values())
     summary = summary_of(path)
-    assert summary["inception"]["source"] == "pickup"
-    assert summary["inception"]["t_ns"] == times(541)[-1]
-    assert "began before it" in summary["inception"]["text"]
+    assert summary.inception.source == "pickup"
+    assert summary.inception.t_ns == times(541)[-1]
+    assert "began before it" in summary.inception.text
 
 
 def test_evolving_fault_is_read_after_its_last_change(tmp_path: Path) -> None:
@@ -181,9 +182,9 @@ def test_evolving_fault_is_read_after_its_last_change(tmp_path: Path) -> None:
         log.relay_block("R1", *block.values())
         for fault, t_ns in enumerate((50_000_000, 200_000_000)):
             log.message("/plant/faults", t_ns, "FaultState", fault=fault, on=True, type="AG")
-    own = summary_of(path)["relays"]["R1"]
-    assert own["fault"]["t_ns"] >= 220_000_000
-    assert own["fault"]["ia"]["magnitude"] == pytest.approx(7777.0)
+    own = summary_of(path).relays["R1"]
+    assert own.fault.t_ns >= 220_000_000
+    assert own.fault["ia"].magnitude == pytest.approx(7777.0)
 
 
 def test_no_relay(tmp_path: Path) -> None:
@@ -191,8 +192,8 @@ def test_no_relay(tmp_path: Path) -> None:
     with LogWriter(path, START_NS) as log:
         log.message("/plant/faults", 5, "FaultState", fault=3, on=True, type="BC")
     summary = summary_of(path)
-    assert summary["relays"] == {}
-    assert "the log has no relay" in summary["warnings"]
+    assert summary.relays == {}
+    assert "the log has no relay" in summary.warnings
     assert "no relay" in text_of(summary) and "No trip." in text_of(summary)
 
 
@@ -200,23 +201,23 @@ def test_relay_without_samples(tmp_path: Path) -> None:
     path = tmp_path / "empty.mcap"
     with LogWriter(path, START_NS) as log:
         log.add_relay("R1", BITS)
-    assert "R1: no samples" in summary_of(path)["warnings"]
+    assert "R1: no samples" in summary_of(path).warnings
 
 
 def test_nan_everywhere(tmp_path: Path) -> None:
     summary = summary_of(write_log(tmp_path / "nan.mcap", nan=True))
-    own = summary["relays"]["R1"]
-    assert own["prefault"] is None and own["fault"] is None and own["loop"] is None
-    assert own["peak_current"]["ia"] is None
-    assert "R1: va, vb, vc, ia, ib, ic: 1920 of 1920 samples are not numbers" in summary["warnings"]
-    assert "R1: no phasor is a number" in summary["warnings"]
+    own = summary.relays["R1"]
+    assert own.prefault is None and own.fault is None and own.loop is None
+    assert own.peak_current["ia"] is None
+    assert "R1: va, vb, vc, ia, ib, ic: 1920 of 1920 samples are not numbers" in summary.warnings
+    assert "R1: no phasor is a number" in summary.warnings
     text_of(summary)
 
 
 def test_interrupted_early(tmp_path: Path) -> None:
     summary = summary_of(write_log(tmp_path / "short.mcap", n=300))
-    assert summary["inception"]["t_ns"] is None
-    assert any("ended early: 0.0622" in warning for warning in summary["warnings"])
+    assert summary.inception.t_ns is None
+    assert any("ended early: 0.0622" in warning for warning in summary.warnings)
     assert "No trip." in text_of(summary)
 
 
@@ -224,7 +225,7 @@ def test_recovered_log_says_so(tmp_path: Path, known: Path) -> None:
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(known.read_bytes()[: known.stat().st_size * 2 // 3])
     recover_log(broken, tmp_path / "again.mcap")
-    assert any("recovered" in warning for warning in summary_of(tmp_path / "again.mcap")["warnings"])
+    assert any("recovered" in warning for warning in summary_of(tmp_path / "again.mcap").warnings)
 
 
 def test_topics_of_unequal_length_share_a_clock(tmp_path: Path, known: Path) -> None:
@@ -275,10 +276,10 @@ def test_two_faults_each_trip_answers_its_own(tmp_path: Path) -> None:
             log.message("/breaker/Q1", on_ns + 21_000_000, "BreakerStatus", command="open", **closed)
     opened = open_log(path)
     summary = summarize(opened)
-    first, second = summary["relays"]["R1"]["trips"]
-    assert (first["fault"], second["fault"]) == ("F1", "1")  # the scenario knows of one
-    assert first["after_fault_ms"] == second["after_fault_ms"] == 21.0
-    assert second["received_ms"] == pytest.approx((second_ns + 21_000_000 - FAULT_NS) / 1e6)
+    first, second = summary.relays["R1"].trips
+    assert (first.fault, second.fault) == ("F1", "1")  # the scenario knows of one
+    assert first.after_fault_ms == second.after_fault_ms == 21.0
+    assert second.received_ms == pytest.approx((second_ns + 21_000_000 - FAULT_NS) / 1e6)
     names = [name for _, name in markers(summary, "R1")]
     assert names == ["fault", "trip", "fault", "trip"]
     view = fault_view(opened, "R1", summary)
@@ -299,9 +300,9 @@ def test_a_start_that_came_earlier_is_not_dropped(tmp_path: Path) -> None:
         log.relay_block("R1", *block.values())
         log.message("/plant/faults", FAULT_NS, "FaultState", fault=0, on=True, type="AG")
     summary = summarize(open_log(path))
-    (element,) = [e for e in summary["relays"]["R1"]["elements"] if e["name"] == "PDIS1.Str"]
-    assert element["first_ns"] == 470 * 10**9 // 4800 and element["times"] == 3
-    assert element["earlier_ms"] == [pytest.approx((100 * 10**9 // 4800 - FAULT_NS) / 1e6)]
+    (element,) = [e for e in summary.relays["R1"].elements if e.name == "PDIS1.Str"]
+    assert element.first_ns == 470 * 10**9 // 4800 and element.times == 3
+    assert element.earlier_ms == [pytest.approx((100 * 10**9 // 4800 - FAULT_NS) / 1e6)]
 
 
 @pytest.mark.parametrize("windows", [1, 7, 40])
