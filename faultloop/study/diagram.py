@@ -182,7 +182,7 @@ def _plotly_curve(figure: Any, curve: Curve) -> None:
 def _plotly_surface(figure: Any, surface: Surface) -> None:
     low, high = surface.levels[0], surface.levels[-1]
     figure.add_heatmap(
-        x=[str(x) for x in surface.x], y=[f"{y:g}" for y in surface.y], z=surface.z,
+        x=[f"{x:g}" for x in surface.x], y=[f"{y:g}" for y in surface.y], z=surface.z,
         text=[["" if np.isnan(v) else f"{v:.3g}" for v in row] for row in surface.z],
         texttemplate="%{text}", textfont={"size": 10}, colorscale="YlGnBu", zmin=low, zmax=high,
         colorbar={"title": surface.unit}, hoverongaps=False,

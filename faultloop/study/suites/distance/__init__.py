@@ -13,7 +13,14 @@ from faultloop.study.report import Report
 from faultloop.study.suites.distance.section import Section
 from faultloop.study.suites.distance.sweep import Sweep, run_sweeps
 
-PARTS = {"operate-time": "operate_time"}
+PARTS = {
+    "operate-time": "operate_time",
+    "sir-contours": "sir_contours",
+    "transient-overreach": "transient_overreach",
+    "cvt": "cvt",
+    "directional": "directional",
+}
+"""The module of each, in ``sections``."""
 TAKES = ("workers", "keep")
 
 
