@@ -18,6 +18,8 @@ def circuit_of(tables: PlantTables) -> Circuit:
             circuit.cut(line, [position])
     for item in tables.items():
         item.add(circuit, tables)
+    for item in tables.items():
+        item.couple(circuit, tables)
     fed = circuit.fed()
     for line in tables.all(Line):
         if line.from_bus not in fed:

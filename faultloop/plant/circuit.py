@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from faultloop.plant.elements import GROUND
 from faultloop.plant.elements.bergeron import WaveSection
 from faultloop.plant.elements.branch import Branch
 from faultloop.plant.elements.emf import Emf
+from faultloop.plant.elements.mutual import CoupledBranches, CoupledWaves
 from faultloop.plant.elements.switch import Switch
 
 SAME_POINT = 1e-9
@@ -18,6 +19,22 @@ SAME_POINT = 1e-9
 Part = Literal["branch", "wave_start", "wave_end", "switch"]
 Term = tuple[Part, int, float]
 """One summand of a line-end current: what, its index, sign."""
+
+
+class Laid(NamedTuple):
+    """A stretch of a line between two of its cuts, as elements."""
+
+    start: float
+    end: float
+    """Positions [pu]."""
+    waves: bool
+    """Whether it is made of `sections`, else of `passive`."""
+    first: int
+    number: int
+    """Of its series elements: the first, and how many."""
+    nodes: list[str]
+    """(number + 1,)"""
+    section_km: float
 
 
 @dataclass
@@ -44,6 +61,11 @@ class Circuit:
     """Node of each line end, ``(line, "from" | "to")``: behind its breaker where it has one."""
     terms: dict[tuple[str, str], list[Term]] = field(default_factory=dict)
     """What makes up the current from the bus into each line end: the breaker's, where there is one."""
+    laid: dict[str, list[Laid]] = field(default_factory=dict)
+    """The stretches of each line."""
+    waves: dict[tuple[str, float], int] = field(default_factory=dict)
+    """How many waves a stretch is to be, by line and start, where the line does not decide alone; 0: none."""
+    coupled: list[CoupledBranches | CoupledWaves] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -55,6 +77,16 @@ class Circuit:
     def branches(self) -> list[Branch]:
         """All, those of the sources first."""
         return [*(emf.behind for emf in self.emfs), *self.passive]
+
+    @property
+    def joined(self) -> list[tuple[str, str]]:
+        """Pairs of nodes between which there is a conductance."""
+        pairs = [(x.start, x.end) for x in (*self.branches, *self.switches)]
+        for coupled in self.coupled:
+            waves = isinstance(coupled, CoupledWaves)
+            beside = coupled.beside(self.sections) if waves else coupled.beside(self.passive)
+            pairs += [(a, b) for a, b, _ in beside if a != b]
+        return pairs
 
     @property
     def buses(self) -> list[str]:
@@ -86,6 +118,17 @@ class Circuit:
         self.number[table, name] = len(self.switches)
         self.switches.append(switch)
         return self.number[table, name]
+
+    def add_to_lines(self, branch: Branch, lines: Iterable[str]) -> None:
+        """A branch that belongs to these lines: its current is part of theirs where it is at an end."""
+        if branch.start == branch.end:
+            return
+        for line in lines:
+            for end in ("from", "to"):
+                node, terms = self.terminals[line, end], self.terms[line, end]
+                if node in (branch.start, branch.end) and terms[0][0] != "switch":
+                    terms.append(("branch", len(self.passive), 1.0 if branch.start == node else -1.0))
+        self.passive.append(branch)
 
     def cut(self, line: str, positions: Iterable[float]) -> None:
         """The line gets a node at each position [pu]; those that differ only by rounding are one."""

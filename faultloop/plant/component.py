@@ -58,6 +58,9 @@ class Component(Table):
         """Its elements.  Components are added in the order of their tuple: a breaker makes the line's end
         before the line is laid."""
 
+    def couple(self, circuit: Circuit, tables: PlantTables) -> None:
+        """What it changes of elements that others have added."""
+
     def actions(self, model: Model, steady: Sequence[Steady]) -> tuple[list[Action], list[str]]:
         """What it does to switches in the run, timed by the state before it; and what a log should say."""
         return [], []

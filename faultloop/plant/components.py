@@ -8,10 +8,23 @@ from faultloop.plant.ct import Ct
 from faultloop.plant.fault import Fault
 from faultloop.plant.line import Line
 from faultloop.plant.load import Load
+from faultloop.plant.mutual import Mutual
 from faultloop.plant.source import Source
 from faultloop.plant.swing import Swing
 from faultloop.plant.switching import Switching
 from faultloop.plant.vt import Vt
 
-COMPONENTS: tuple[type[Component], ...] = (Breaker, Source, Swing, Line, Load, Fault, Switching, Ct, Vt)
-"""In the order in which they are built: a breaker makes a line's end, a line the node of a fault on it."""
+COMPONENTS: tuple[type[Component], ...] = (
+    Breaker,
+    Source,
+    Swing,
+    Mutual,
+    Line,
+    Load,
+    Fault,
+    Switching,
+    Ct,
+    Vt,
+)
+"""In the order in which they are built: a breaker makes a line's end, a line the node of a fault on it, and
+coupled lines are laid in equal sections."""

@@ -26,6 +26,14 @@ from faultloop.plant.elements.bergeron import (
 )
 from faultloop.plant.elements.branch import branch_currents, branch_histories, branch_inject, branch_step
 from faultloop.plant.elements.emf import exact_emf, renew_emf
+from faultloop.plant.elements.mutual import (
+    coupled_arrivals,
+    coupled_currents,
+    coupled_histories,
+    coupled_push,
+    coupled_step,
+    coupled_wave_currents,
+)
 from faultloop.plant.elements.switch import crossings, switch_currents, waiting
 from faultloop.plant.factor import Factor, solve
 from faultloop.plant.frontend import FrontEnds, convert, measure, transform
@@ -59,6 +67,8 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
     clock = watch.clock
     if clock[PENDING]:
         arrive(net, factor, state, watch, front, samples)
+    # asked here and not in the functions: a call passes all their arrays and takes as long as a step
+    coupled = net.coupling.branch.shape[0] + net.coupling.wave.shape[0] > 0
     armed = waiting(watch.armed)
     if armed:
         switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
@@ -71,12 +81,19 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
         clock[PENDING] = 1
         renew_emf(net.emf, state.emf, state.v, clock[STEP])
         wave_histories(net.wave, state.ring, state.arriving, clock[STEP])
+        if coupled:
+            coupled_arrivals(net.coupling, state.arriving)
         branch_inject(net.branch, state.history, state.v, net.emf.wave.shape[0])
         wave_inject(net.wave, state.arriving, state.v)
         solve(net.structure, factor, state.v)
         branch_step(net.branch, state.history, state.v, state.branch_current)
         wave_currents(net.wave, state.arriving, state.v, state.wave_current)
+        if coupled:
+            coupled_step(net.coupling, net.branch, state.history, state.v, state.branch_current)
+            coupled_wave_currents(net.coupling, net.wave, state.v, state.wave_current)
         wave_push(net.wave, state.ring, state.v, state.wave_current, clock[STEP])
+        if coupled:
+            coupled_push(net.coupling, net.wave, state.ring, state.v, state.wave_current, clock[STEP])
         if armed:
             switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
             if crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero):
@@ -105,20 +122,30 @@ def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
         copy(state.v, state.half_v)
         copy(state.current, state.half_current)
         branch_histories(net.branch.bus, net.branch.euler, state.history, state.v, state.branch_current)
+        coupled_histories(
+            net.coupling, net.coupling.euler, net.branch, state.history, state.v, state.branch_current
+        )
         now, newest = step + (instant + half), step + int(watch.instant[1])
         exact_emf(net.emf, state.v, now)
         wave_histories_at(net.wave, state.ring, state.arriving, now, newest)
+        coupled_arrivals(net.coupling, state.arriving)
         branch_inject(net.branch, state.history, state.v, net.emf.wave.shape[0])
         wave_inject(net.wave, state.arriving, state.v)
         solve(net.structure, factor, state.v)
         branch_currents(net.branch, state.history, state.v, state.branch_current)
+        coupled_currents(net.coupling, net.branch, state.v, state.branch_current)
         wave_currents(net.wave, state.arriving, state.v, state.wave_current)
+        coupled_wave_currents(net.coupling, net.wave, state.v, state.wave_current)
     between(state.half_v, state.v, 1.0 - 2.0 * instant)
     between(state.half_current, state.current, 1.0 - 2.0 * instant)
     watch.clock[STEP] = step + 1
     watch.clock[PENDING] = 1
     branch_histories(net.branch.bus, net.branch.trapezoid, state.history, state.v, state.branch_current)
+    coupled_histories(
+        net.coupling, net.coupling.trapezoid, net.branch, state.history, state.v, state.branch_current
+    )
     wave_push(net.wave, state.ring, state.v, state.wave_current, step + 1)
+    coupled_push(net.coupling, net.wave, state.ring, state.v, state.wave_current, step + 1)
     switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
     return crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero)
 

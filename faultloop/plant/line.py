@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from faultloop.config.place import End
 from faultloop.config.tables import Name
-from faultloop.plant.circuit import SAME_POINT, Circuit, Term
+from faultloop.plant.circuit import SAME_POINT, Circuit, Laid, Term
 from faultloop.plant.component import Component, PlantTables
 from faultloop.plant.elements import GROUND
 from faultloop.plant.elements.bergeron import Wave, WaveSection, bergeron_sections
@@ -103,16 +103,19 @@ class Line(Component):
         """One stretch between two points of the line, in its model."""
         constants = self.constants(circuit.frequency_hz)
         length = (span[1] - span[0]) * self.length_km
-        waves = bergeron_sections(constants, length, circuit.dt) if self.model == "bergeron" else 0
+        waves = self._wave_count(circuit, constants, length, span[0])
+        laid = circuit.laid.setdefault(self.name, [])
         if waves:
             wave = Wave.of(constants, length / waves, circuit.dt)
             names = self._cascade(start, end, span[0], waves)
+            laid.append(Laid(span[0], span[1], True, len(circuit.sections), waves, names, length / waves))
             circuit.sections += [WaveSection(a, b, wave) for a, b in pairwise(names)]
             return
         if self.model == "bergeron":
             self._note_short(circuit, constants, length, span)
         count = self._section_count(length, span)
         names = self._cascade(start, end, span[0], count)
+        laid.append(Laid(span[0], span[1], False, len(circuit.passive), count, names, length / count))
         r, l, c = (per_km * length / count for per_km in (constants.r, constants.l, constants.c))
         circuit.passive += [SeriesRL(a, b, r, l) for a, b in pairwise(names)]
         if c.any():
@@ -120,6 +123,13 @@ class Line(Component):
             circuit.passive += [
                 Capacitor(name, GROUND, c * share) for name, share in zip(names, shares, strict=True)
             ]
+
+    def _wave_count(self, circuit: Circuit, constants: LineConstants, length: float, start: float) -> int:
+        """Bergeron sections of a stretch; 0 where it is none."""
+        if self.model != "bergeron":
+            return 0
+        asked = circuit.waves.get((self.name, start))
+        return bergeron_sections(constants, length, circuit.dt) if asked is None else asked
 
     def _section_count(self, length: float, span: list[float]) -> int:
         """Series sections of a stretch that is no wave."""

@@ -11,6 +11,7 @@ from faultloop.plant.elements import GROUND, Floats, Ints, circulant
 from faultloop.plant.elements.bergeron import Waves, wave_constants
 from faultloop.plant.elements.branch import Branches, branch_constants
 from faultloop.plant.elements.emf import Emfs, emf_constants
+from faultloop.plant.elements.mutual import CoupledBranches, CoupledWaves, Couplings, coupling_constants
 from faultloop.plant.factor import Factor, Structure, elimination_order, factorize, symbolic
 
 LEAKAGE_S = 1e-9
@@ -24,6 +25,7 @@ class Network(NamedTuple):
     emf: Emfs
     branch: Branches
     wave: Waves
+    coupling: Couplings
     switch_bus: Ints
     """(switches, 2) rows of v"""
 
@@ -41,11 +43,7 @@ class Model:
         self.circuit = circuit
         buses = circuit.buses
         number = {name: i for i, name in enumerate(buses)}
-        joined = [
-            (number[x.start], number[x.end])
-            for x in (*circuit.branches, *circuit.switches)
-            if x.start in number and x.end in number
-        ]
+        joined = [(number[a], number[b]) for a, b in circuit.joined if a in number and b in number]
         order = elimination_order(len(buses), joined)
         rows = [buses[i] for i in order] + [GROUND] + [emf.behind.start for emf in circuit.emfs]
         self.row = {name: i for i, name in enumerate(rows)}
@@ -53,12 +51,17 @@ class Model:
         pairs = [(self.row[buses[i]], self.row[buses[j]]) for i, j in joined]
         self.structure = symbolic(len(buses), pairs)
         self._coefficients = [branch.coefficients(circuit.dt) for branch in circuit.branches]
+        self._coupled_waves = [c for c in circuit.coupled if isinstance(c, CoupledWaves)]
+        self._coupled_branches = [c for c in circuit.coupled if isinstance(c, CoupledBranches)]
+        self._matrices = [c.coefficients(circuit.passive, circuit.dt) for c in self._coupled_branches]
+        coupling = self._couple()
         waves, self.ring_slots = wave_constants(circuit.sections, self.row)
         self.network = Network(
             structure=self.structure,
             emf=emf_constants(circuit.emfs, circuit.rate),
             branch=branch_constants(circuit.branches, self._coefficients, self.row),
             wave=waves,
+            coupling=coupling,
             switch_bus=np.array(
                 [[self.row[s.start], self.row[s.end]] for s in circuit.switches], dtype=np.int64
             ).reshape(-1, 2),
@@ -79,6 +82,16 @@ class Model:
             self._factors[masks] = Factor(diagonal, lower, switch)
         return self._factors[masks]
 
+    def _couple(self) -> Couplings:
+        """The coupled elements' constants; each branch's own zero mode becomes that of the pair."""
+        first = len(self.circuit.emfs)  # the sources' own branches come before
+        rows = [(first + c.first, first + c.second) for c in self._coupled_branches]
+        for pair, (g, trapezoid, half) in zip(rows, self._matrices, strict=True):
+            for i, row in enumerate(pair):
+                self._coefficients[row][:, 0] = g[i, i], g[i, i], trapezoid[i, i], 0.0, half[i, i]
+        differences = [c.half_difference(self.circuit.sections) for c in self._coupled_waves]
+        return coupling_constants(rows, self._matrices, self._coupled_waves, differences)
+
     def _fixed_part(self) -> tuple[Floats, Floats]:
         diagonal = np.tile((np.eye(3) * LEAKAGE_S).ravel(), (self.bus_count, 1))
         lower = np.zeros((len(self.structure.row), 9))
@@ -88,20 +101,30 @@ class Model:
         for section in self.circuit.sections:
             for end in (section.start, section.end):
                 diagonal[self.row[end]] += circulant(section.wave.y).ravel()
+        for pair, matrix in zip(self._coupled_branches, self._matrices, strict=True):
+            for a, b, sign in pair.beside(self.circuit.passive):
+                y = circulant(np.array([sign * matrix[0, 0, 1], 0.0]))
+                self._stamp_between(diagonal, lower, self.row[a], self.row[b], y)
+        for pair in self._coupled_waves:
+            y = circulant(np.array([pair.half_difference(self.circuit.sections), 0.0]))
+            for a, b, _ in pair.beside(self.circuit.sections):
+                self._stamp_between(diagonal, lower, self.row[a], self.row[b], y)
+                diagonal[self.row[a]] -= y.ravel()  # each section was taken for one of its own mode
+                diagonal[self.row[b]] += y.ravel()
         return diagonal, lower
 
-    def _stamp(
-        self,
-        diagonal: Floats,
-        lower: Floats,
-        k: int,
-        m: int,
-        y: Floats,
-    ) -> None:
+    def _stamp(self, diagonal: Floats, lower: Floats, k: int, m: int, y: Floats) -> None:
+        """A conductance from one node to another."""
         for row in (k, m):
             if row < self.bus_count:
                 diagonal[row] += y.ravel()
-        if max(k, m) < self.bus_count:
+        self._stamp_between(diagonal, lower, k, m, -y)
+
+    def _stamp_between(self, diagonal: Floats, lower: Floats, k: int, m: int, y: Floats) -> None:
+        """The voltage of each of two nodes drives a current out of the other."""
+        if k == m:
+            diagonal[k] += 2 * y.ravel()
+        elif max(k, m) < self.bus_count:
             first, last = self.structure.pointer[min(k, m) : min(k, m) + 2]
             at = first + int(np.searchsorted(self.structure.row[first:last], max(k, m)))
-            lower[at] -= y.ravel()
+            lower[at] += y.ravel()

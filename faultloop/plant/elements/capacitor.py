@@ -21,7 +21,7 @@ class Capacitor:
     def coefficients(self, dt: float) -> Floats:
         """(5, 2): ``G = 2C/dt``, ``h' = -G v - i``."""
         g = 2 * self.c / dt
-        return np.array([g, -g, np.where(g > 0, -1.0, 0.0), -g, np.zeros(2)])
+        return np.array([g, -g, np.where(g != 0, -1.0, 0.0), -g, np.zeros(2)])
 
     def admittance(self, s: complex) -> complex:
         """Positive sequence [S]; ``s`` is the derivative as the trapezoidal rule has it [1/s]."""
