@@ -64,13 +64,18 @@ class Check:
         return self.bound < self.limit if self.at_least else self.bound > self.limit
 
     @property
-    def status(self) -> str:
-        """``held``, ``MISSED``, or ``published, not reached: bound`` with the bound and its reason."""
+    def verdict(self) -> str:
+        """``held``, ``MISSED``, or ``published, not reached: bound`` with the bound."""
         if self.held:
             return "held"
         if not self.out_of_reach:
             return "MISSED"
-        return f"published, not reached: bound {cell(self.bound)}{f' {self.unit}'.rstrip()} ({self.because})"
+        return f"published, not reached: bound {cell(self.bound)}{f' {self.unit}'.rstrip()}"
+
+    @property
+    def status(self) -> str:
+        """The verdict, and what shows the bound where there is one."""
+        return f"{self.verdict} ({self.because})" if self.out_of_reach else self.verdict
 
 
 @dataclass
@@ -131,8 +136,10 @@ def check_table(report: Report) -> Table:
     rows = []
     for c in report.checks:
         limit = f"{'>=' if c.at_least else '<='} {cell(c.limit)}"
-        rows.append((c.status, c.what, cell(c.value), limit, cell(c.margin), c.unit))
-    return Table("Checks", ("", "what", ">value", ">limit", ">margin", "unit"), rows)
+        rows.append((c.verdict, c.what, cell(c.value), limit, cell(c.margin), c.unit))
+    beyond = [f"{c.what}: bound by {c.because}." for c in report.checks if c.out_of_reach]
+    columns = ("", "what", ">value", ">limit", ">margin", "unit")
+    return Table("Checks", columns, rows, " ".join(beyond))
 
 
 def write_html(reports: Sequence[Report], path: Path) -> Path:
@@ -156,16 +163,32 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
         drawn = [(diagram.title, diagram.plotly()) for diagram in report.diagrams]
         for title, figure in [*drawn, *report.figures]:
             parts.append(f"<h2>{escape(title)}</h2>")
+            _for_page(figure)
             parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly, config=CONFIG))
             plotly = False
-    style = (
-        "body{font:15px sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}"
-        "table{border-collapse:collapse;margin:.5em 0 1.5em}"
-        "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd}"
-        "td.r,th.r{text-align:right}td.missed,p.missed{color:#b00;font-weight:bold}"
-    )
-    head = f"<!doctype html><meta charset='utf-8'><title>faultloop</title><style>{style}</style>"
+    head = "<!doctype html><meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
+    head += f"<title>faultloop</title><style>{STYLE}</style>"
     path.write_text(head + "".join(parts), encoding="utf-8")
+
+
+STYLE = (
+    "body{font:15px sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}"
+    "div.t{overflow-x:auto}"  # a table that is wider than a telephone scrolls by itself, and not the page
+    "table{border-collapse:collapse;margin:.5em 0 1em;width:max-content;max-width:max(100%,50em)}"
+    "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd;vertical-align:top}"
+    "th{vertical-align:bottom}td.r{white-space:nowrap}"
+    "td.r,th.r{text-align:right}td.missed,p.missed{color:#b00;font-weight:bold}"
+)
+
+
+def _for_page(figure: Any) -> None:
+    """The legend under the plot, unless the figure has a place of its own: beside it on a telephone it would
+    leave no room for the plot.  The title stands over the figure, so that it needs no margin for one."""
+    if figure.layout.margin.t is None:
+        figure.update_layout(margin={"t": 40})
+    if figure.layout.legend.orientation is None:
+        height = figure.layout.height or 450
+        figure.update_layout(legend={"orientation": "h", "yanchor": "top", "y": -70 / height, "x": 0})
 
 
 def _html_table(table: Table) -> str:
@@ -183,4 +206,4 @@ def _html_table(table: Table) -> str:
             cells.append(f"<td{kind}>{escape(text)}</td>")
         body += f"<tr>{''.join(cells)}</tr>"
     note = f"<p>{escape(table.note)}</p>" if table.note else ""
-    return f"<h2>{escape(table.title)}</h2><table><tr>{head}</tr>{body}</table>{note}"
+    return f"<h2>{escape(table.title)}</h2><div class=t><table><tr>{head}</tr>{body}</table></div>{note}"

@@ -37,7 +37,9 @@ def test_a_check_is_held_missed_or_beyond_a_bound(check: Check, status: str, cou
     report = Report("r", "R", checks=[check])
     assert check.status == status
     assert report.held is counts
-    assert check_table(report).rows[0][0] == status
+    shown = check_table(report)
+    assert status.startswith(str(shown.rows[0][0]))
+    assert (check.because in shown.note) is check.out_of_reach or not check.because
     assert report.as_dict()["checks"][0]["status"] == status
 
 
@@ -61,13 +63,26 @@ def test_a_published_figure_names_the_reading_that_reaches_it() -> None:
     report = Report("r", "R")
     state(report, [Published("t1", 2.5, {"as printed": 3.9, "radians": 2.4, "other": 1.0}, "ms")])
     state(report, [Published("gain", 78.0, {"as printed": 30.0, "squared": 50.0}, "%", True, 66.0, "why")])
-    assert [row[-2:] for row in report.tables[0].rows] == [
-        ("radians", "reached"),
-        ("squared", "published, not reached: bound 66 % (why)"),
+    assert [row[-3:] for row in report.tables[0].rows] == [
+        ("radians", "", "reached"),
+        ("squared", "", "published, not reached: bound 66 %"),
     ]
     assert len(report.tables) == 1 and report.held
     state(report, [Published("t2", 1.0, {"a": 3.0, "b": float("nan")}, "ms")])
     assert not report.held and report.tables[0].rows[-1][-1] == "MISSED"
+
+
+def test_ours_is_no_reading_of_a_paper() -> None:
+    """It stands beside; where it alone reaches a figure, the status says so."""
+    report = Report("r", "R")
+    found = [Published("t1", 2.5, {"as printed": v}, "ms", ours=1.0) for v in (2.0, 3.0)]
+    state(report, [*found, Published("t1", 2.5, {"as printed": 3.0}, "ms", ours=4.0)])
+    assert [row[3:] for row in report.tables[0].rows] == [
+        ("2", "as printed", "1", "reached"),
+        ("3", "as printed", "1", "reached by ours only"),
+        ("3", "as printed", "4", "MISSED"),
+    ]
+    assert [check.value for check in report.checks] == [2.0, 1.0, 3.0]
 
 
 def test_pages_lead_to_nobodys_cloud(tmp_path: Path) -> None:

@@ -54,7 +54,7 @@ def test_the_report_holds_but_for_what_nobody_could_reach(report: Report) -> Non
     assert all(isinstance(c.held, bool) for c in report.checks)
     numbers = [v for t in report.tables for row in t.rows for v in row if isinstance(v, float)]
     assert numbers and all(math.isfinite(v) for v in numbers)
-    assert len(report.figures) == 4
+    assert len(report.figures) == 5
 
 
 def test_the_bound_of_the_gain() -> None:

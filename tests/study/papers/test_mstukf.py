@@ -93,7 +93,10 @@ def test_two_readings_find_the_sag_s_end_at_1401(report):
         assert float(rows[name, "degrees, no noise, V without memory"][end]) == 100
         assert float(rows[name, "degrees, no noise, V without memory"][alarms]) == 0
         assert rows[name, "radians, 30 dB"][2] == "runs away"
-    assert float(rows["STF", "radians, 30 dB"][end]) >= 90
+        both = rows[name, "radians, noise of 1e-4, V without memory"]
+        assert [float(both[column]) for column in (end - 1, end, alarms)] == [100, 100, 0]
+        assert float(both[3]) == pytest.approx(44 / 6.4, abs=1 / 6.4)  # t2 as table 2 has it, but a sample
+    assert float(rows["STF", "radians, 30 dB"][end]) >= 80
     assert float(rows["MSTUKF", "radians, noise of 1e-5"][2]) == pytest.approx(2.5, abs=0.01)
 
 
@@ -132,7 +135,23 @@ def test_every_published_figure_stands_beside_ours(report):
                 figures, rel=1e-3
             )
         assert len(rows) > 6
-    assert [title.split(":")[0] for title, _ in report.figures] == [f"Figure {n}" for n in range(1, 6)]
+    numbered = [title.split(":")[0] for title, _ in report.figures if title.startswith("Figure")]
+    assert numbered == [f"Figure {n}" for n in range(1, 6)]
+
+
+def test_every_published_figure_has_a_status(report):
+    """Nine seeds: a median may be a sample off.  That all are reached as written: the full size, below."""
+    table = report.tables[0]
+    assert table.title.startswith("What was published")
+    assert len(table.rows) == 32
+    assert {row[-1] for row in table.rows} <= {"reached", "reached by ours only"}
+
+
+@pytest.mark.slow
+def test_every_published_figure_is_reached_as_written():
+    full = mstukf.report(quick=False)
+    assert {row[-1] for row in full.tables[0].rows} == {"reached"}
+    assert full.held
 
 
 def test_figure_3_has_the_fading_factor_of_its_caption(report):

@@ -42,7 +42,7 @@ def errors(what: Plan, errors: Mapping[str, Errors], names: Sequence[str]) -> An
     return _four(what, lines, "log")
 
 
-def light(values: NDArray[np.float64]) -> list[float]:
+def light(values: NDArray[np.float64] | Sequence[float]) -> list[float]:
     """Five digits, which halves the page."""
     return [float(f"{v:.5g}") for v in values]
 
@@ -50,7 +50,7 @@ def light(values: NDArray[np.float64]) -> list[float]:
 def _four(what: Plan, lines: Sequence[tuple[str, str, NDArray[np.float64]]], scale: str) -> Any:
     from plotly.subplots import make_subplots
 
-    figure = make_subplots(rows=2, cols=2, subplot_titles=STATES)
+    figure = make_subplots(rows=4, shared_xaxes=True, vertical_spacing=0.05, subplot_titles=STATES)
     shown = int(np.searchsorted(what.swing.t, UNTIL_S))
     for name, colour, values in lines:
         t = what.swing.t[-len(values) :][:shown]
@@ -65,8 +65,21 @@ def _four(what: Plan, lines: Sequence[tuple[str, str, NDArray[np.float64]]], sca
                     "color": colour,
                     "width": 3.0 if name == "CKF" else 1.2,
                 },  # it is often under the others
-                row=i // 2 + 1,
-                col=i % 2 + 1,
+                row=i + 1,
+                col=1,
             )
-    figure.update_xaxes(title_text="time [s]", row=2).update_yaxes(type=scale)
-    return figure.update_layout(height=640, template="plotly_white")
+    figure.update_xaxes(title_text="time [s]", row=4).update_yaxes(type=scale)
+    return figure.update_layout(height=860, template="plotly_white")
+
+
+def kernels(lines: Mapping[str, Mapping[float, float]]) -> Any:
+    """J over the Cauchy kernel's bandwidth; a Gaussian one stands at that of its curvature."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    for place, (name, line) in enumerate(lines.items()):
+        style = {"color": ("#1f6fb2", "#d98c1f")[place % 2], "dash": ("solid", "dot")[place // 2 % 2]}
+        figure.add_scatter(x=list(line), y=light(list(line.values())), name=name, line=style)
+    figure.update_xaxes(title="bandwidth", type="log", tickvals=[5, 10, 20, 50, 100, 200])
+    figure.update_yaxes(title="J; above 1 the track is lost", type="log", exponentformat="power")
+    return figure.update_layout(height=420, template="plotly_white")

@@ -38,12 +38,14 @@ INSENSITIVE = 5.0
 """Spread of J over the bandwidths that still is "not much of a difference" [%]."""
 CHOICES = (BANDWIDTH, 5.0)
 PRINTED, OTHER = "v1 = 1e-4 (printed)", "v1 = 1e-3"
+SHARES = (0.0, 0.1, 0.3, 1.0)
+"""Of Q, state noise on the truth."""
 
 Found = Mapping[str, Errors]
 
 
-def state_noise(out: Report, what: Plan, kinds: Sequence[Sequence[Filter]], runs: int) -> Found:
-    """The kernels with eq. 1's w_k on the truth; the errors under normal noise."""
+def state_noise(out: Report, what: Plan, kinds: Sequence[Sequence[Filter]], runs: int) -> tuple[Found, Found]:
+    """The kernels with eq. 1's w_k on the truth; the errors under normal noise and under heavy tails."""
     third = mcc(3.0)
     filters = [CKF, ORACLE, *kinds[0], *kinds[1], third]
     normal = monte_carlo(what, Case(gaussian(R), Q, R, state_noise=Q), filters, runs)
@@ -73,7 +75,25 @@ def state_noise(out: Report, what: Plan, kinds: Sequence[Sequence[Filter]], runs
     ratio = tails[name].overall / tails[mcc(SAME).name].overall
     what_ = "state noise, mixture .98: J of CKMC-CKF, 50 over MCC-CKF of the same curvature"
     out.checks.append(Check(what_, ratio, 1.0))
-    return normal
+    out.tables.append(by_state_noise(what, runs))
+    return normal, tails
+
+
+def by_state_noise(what: Plan, runs: int) -> Table:
+    """Which kernel is the better, over how much state noise the truth has."""
+    filters = [CKF, *map(ckmc, (5.0, 20.0, BANDWIDTH)), mcc(SAME)]
+    rows = []
+    for share in SHARES:
+        noise = share * Q if share else None
+        errors = monte_carlo(what, Case(mixture(0.98, GOOD, BAD), Q, R, state_noise=noise), filters, runs)
+        gain = better(errors, ckmc(BANDWIDTH).name, mcc(SAME).name)
+        rows.append((f"{share:g} Q", *(errors[f.name].overall for f in filters), gain))
+    columns = ("state noise", *(f">{f.name}" for f in filters), ">50 better than the Gaussian [%]")
+    note = (
+        "Mixture .98, J; the filters are told Q. The Cauchy kernel is the better one only where the truth "
+        "has about the state noise that the filter is told."
+    )
+    return Table("Which kernel is the better, by the state noise on the truth", columns, rows, note)
 
 
 def insensitivity(out: Report, by_truth: Mapping[str, Found]) -> None:

@@ -7,9 +7,9 @@ What the paper leaves open, and what is taken here:
 - 30 dB of noise is below the undisturbed fundamental: variance 0.5 / 1000.  It is R / 2; with noise of
   variance R the filters as written run away at the softening factor 1.8, so R cannot have been the noise.
 - The impulse's softening factor is not given.  With 1.8 or 8 either filter takes the six samples for
-  harmonics of several per unit; with 68 the magnitude peaks where the paper's does, by as much.
-- Mean square errors are over the harmonics (1101 to 1800), or over a record (of 2500 samples, or half a
-  second) but for the first 300, in which the filter starts: all are given.
+  harmonics of several per unit; with 60 to 72 the magnitude peaks where the paper's does, by as much.
+- Mean square errors are over the harmonics (1101 to 1800), or over a record (of 2500, 3200 or 3600 samples)
+  but for the first 300, in which the filter starts: all are given.
 - Eq. 45 has "- 30" beside radians, and the text -30 degrees: a `Reading` says which, and what noise.
 """
 
@@ -49,8 +49,8 @@ STARTED = 300  # samples that a filter is given to start
 SAG = (700, 1400)  # last undisturbed, last disturbed sample
 IMPULSE = (770, 776)
 HARMONIC = (1100, 1800)
-LENGTH = {"sag": 2200, "impulse": 1500, "harmonics": 3200}
-RECORDS = (2500, 3200)  # samples over which the errors of harmonics are taken
+LENGTH = {"sag": 2200, "impulse": 1500, "harmonics": 3600}
+RECORDS = (2500, 3200, 3600)  # samples over which the errors of harmonics are taken
 ORDERS = {3: 0.4, 5: 0.3, 7: 0.2}
 IMPULSE_PEAK = 1.4884  # the largest sample, which the paper takes for the truth
 

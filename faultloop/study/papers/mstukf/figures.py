@@ -13,6 +13,7 @@ from faultloop.study.papers.mstukf.cases import (
     PHASE,
     SAMPLING_HZ,
     Array,
+    Reading,
     Setting,
     noisy,
     track,
@@ -39,6 +40,18 @@ def sag(settings: Mapping[str, Setting]) -> list[tuple[str, Any]]:
             stack([("magnitude [pu]", magnitude, "linear"), ("phase [deg]", phase, "linear")], shown),
         ),
     ]
+
+
+def readings(settings: Mapping[str, tuple[Setting, Reading]]) -> list[tuple[str, Any]]:
+    """The sag by some readings of its text: lambda and magnitude of one filter."""
+    tracks = {
+        title: track(setting, noisy("sag", SEED, reading)) for title, (setting, reading) in settings.items()
+    }
+    panels = [
+        ("lambda", factors(tracks), "log"),
+        ("magnitude [pu]", {title: found[:, 0] for title, found in tracks.items()}, "linear"),
+    ]
+    return [("The sag by three readings: lambda and magnitude of MSTUKF", stack(panels, slice(600, 1600)))]
 
 
 def impulse(settings: Mapping[str, Setting]) -> list[tuple[str, Any]]:
@@ -94,7 +107,12 @@ def stack(panels: Sequence[tuple[str, Mapping[str, Array], str]], shown: slice) 
     """Panels (title, lines, scale) over one axis of samples, counted from one."""
     from plotly.subplots import make_subplots
 
-    figure = make_subplots(rows=len(panels), shared_xaxes=True, subplot_titles=[p[0] for p in panels])
+    figure = make_subplots(
+        rows=len(panels),
+        shared_xaxes=True,
+        vertical_spacing=0.18 / len(panels),
+        subplot_titles=[p[0] for p in panels],
+    )
     named: set[str] = set()
     for row, (_, lines, scale) in enumerate(panels, start=1):
         colours = ("#888888",) if "signal" in lines else COLOURS
@@ -111,6 +129,6 @@ def stack(panels: Sequence[tuple[str, Mapping[str, Array], str]], shown: slice) 
                 col=1,
             )
             named.add(name)
-        figure.update_yaxes(type=scale, row=row, col=1)
+        figure.update_yaxes(type=scale, dtick=1 if scale == "log" else None, row=row, col=1)
     figure.update_xaxes(title_text="sample", row=len(panels), col=1)
     return figure.update_layout(height=220 * len(panels) + 80, template="plotly_white", margin={"t": 30})

@@ -24,6 +24,8 @@ Complex = NDArray[np.complex128]
 TERMS = 5
 STATES = 2 * TERMS
 INITIAL_COVARIANCE = 1e6  # [V^2]
+FIRST = np.arange(1, TERMS)  # what a derivative, and a second one, multiplies the coefficients by
+SECOND = FIRST[1:] * FIRST[:-1]
 
 
 class Estimate(NamedTuple):
@@ -83,9 +85,11 @@ def row(t: float, angle: float) -> Array:
 
 def read_out(x: Array, t: float, window_s: float) -> tuple[complex, float, float]:
     """Phasor [V RMS], deviation of the frequency [Hz] and ROCOF [Hz/s] (eq. 9 to 15, at t)."""
-    polynomial = np.polynomial.Polynomial(x[:TERMS] + 1j * x[TERMS:])
-    value = polynomial(t)
-    slope, curve = polynomial.deriv()(t) / value, polynomial.deriv(2)(t) / value
+    c = x[:TERMS] + 1j * x[TERMS:]
+    powers = t ** np.arange(TERMS)
+    value = powers @ c
+    slope = powers[:-1] @ (FIRST * c[1:]) / value
+    curve = powers[:-2] @ (SECOND * c[2:]) / value
     found = (curve - slope**2).imag / (2.0 * np.pi * window_s**2)
     return np.sqrt(0.5) * value, slope.imag / (2.0 * np.pi * window_s), found
 

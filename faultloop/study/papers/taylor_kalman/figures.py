@@ -51,15 +51,29 @@ def errors(found: Mapping[str, Track]) -> Any:
         for place, (estimate, truth) in enumerate(quantities(track)):
             error = np.maximum(np.abs(estimate - truth), 1e-12)
             _line(figure, place, track[1], (error, name), {"color": colour, "width": 1.5})
-    return figure.update_yaxes(type="log", exponentformat="power")
+    return figure.update_yaxes(type="log", exponentformat="power", tickformat="")
+
+
+def both_forms(found: Mapping[str, tuple[Array, Array]]) -> Any:
+    """Errors of the frequency [Hz] over the time [s], by the form, the window and the start."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure(layout={"template": "plotly_white", "height": 420, "margin": {"t": 20}})
+    for place, (name, (t, error)) in enumerate(found.items()):
+        style = {"color": COLOURS[place % 4], "dash": "dot" if "section" in name else "solid"}
+        shown = t >= SETTLED_S
+        figure.add_scatter(x=t[shown], y=np.maximum(error[shown], 1e-12), name=name, line=style)
+    figure.update_xaxes(title="time [s]")
+    return figure.update_yaxes(title="error of the frequency [Hz]", type="log", exponentformat="power")
 
 
 def _panels(titles: Sequence[str]) -> Any:
     from plotly.subplots import make_subplots
 
-    figure = make_subplots(rows=2, cols=2, subplot_titles=titles, vertical_spacing=0.12)
-    figure.update_xaxes(title_text="time [s]", row=2)
-    return figure.update_layout(height=640, template="plotly_white", margin={"t": 40})
+    figure = make_subplots(rows=4, shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.05)
+    figure.update_xaxes(title_text="time [s]", row=4)
+    figure.update_yaxes(tickformat=".3f", row=1)
+    return figure.update_layout(height=860, template="plotly_white", margin={"t": 40})
 
 
 def _line(figure: Any, place: int, t: Array, line: tuple[Array, str], style: Mapping[str, object]) -> None:
@@ -73,8 +87,8 @@ def _line(figure: Any, place: int, t: Array, line: tuple[Array, str], style: Map
         legendgroup=name or None,
         showlegend=bool(name) and place == 0,
         line=style,
-        row=place // 2 + 1,
-        col=place % 2 + 1,
+        row=place + 1,
+        col=1,
     )
 
 
