@@ -12,6 +12,7 @@ from faultloop.plant.elements.branch import Branch
 from faultloop.plant.elements.emf import Emf
 from faultloop.plant.elements.mutual import CoupledBranches, CoupledWaves
 from faultloop.plant.elements.switch import Switch
+from faultloop.plant.elements.varistor import Varistor
 
 SAME_POINT = 1e-9
 """Two positions on a line closer than this, per unit, are one."""
@@ -66,6 +67,9 @@ class Circuit:
     waves: dict[tuple[str, float], int] = field(default_factory=dict)
     """How many waves a stretch is to be, by line and start, where the line does not decide alone; 0: none."""
     coupled: list[CoupledBranches | CoupledWaves] = field(default_factory=list)
+    varistors: list[Varistor] = field(default_factory=list)
+    apart: set[tuple[str, float]] = field(default_factory=set)
+    """Places, line and position, at which something lies in series with the line."""
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -138,12 +142,28 @@ class Circuit:
                 points.append(position)
         points.sort()
 
-    def node_at(self, line: str, position: float) -> str:
-        """Of a place [pu] at which the line was cut."""
-        point = min(self.cuts[line], key=lambda p: abs(p - position))
+    def take_apart(self, line: str, position: float) -> None:
+        """The line gets two nodes at a place [pu] at which it was cut."""
+        self.apart.add((line, self._point(line, position)))
+
+    def sides(self, line: str, position: float) -> tuple[str, str]:
+        """Nodes towards the ``from`` end and towards the ``to`` end of a place at which the line was cut; one
+        and the same where nothing lies in series there."""
+        point = self._point(line, position)
+        node = f"{line}@{point!r}"
         if point in (0.0, 1.0):
-            return self.terminals[line, "to" if point else "from"]
-        return f"{line}@{point!r}"
+            node = self.terminals[line, "to" if point else "from"]
+        if (line, point) not in self.apart:
+            return node, node
+        inner = f"{line}@{point!r}|"
+        return (inner, node) if point == 1.0 else (node, inner)
+
+    def node_at(self, line: str, position: float) -> str:
+        """Of a place [pu] at which the line was cut; of two, the one towards the middle of the line."""
+        return self.sides(line, position)[position < 0.5]
+
+    def _point(self, line: str, position: float) -> float:
+        return min(self.cuts[line], key=lambda p: abs(p - position))
 
     def fed(self) -> set[str]:
         """The nodes that reach a source, through open switches too: elsewhere nothing fixes a voltage, or all

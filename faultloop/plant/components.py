@@ -9,6 +9,7 @@ from faultloop.plant.fault import Fault
 from faultloop.plant.line import Line
 from faultloop.plant.load import Load
 from faultloop.plant.mutual import Mutual
+from faultloop.plant.series_capacitor import SeriesCapacitor
 from faultloop.plant.source import Source
 from faultloop.plant.swing import Swing
 from faultloop.plant.switching import Switching
@@ -19,6 +20,7 @@ COMPONENTS: tuple[type[Component], ...] = (
     Source,
     Swing,
     Mutual,
+    SeriesCapacitor,
     Line,
     Load,
     Fault,

@@ -35,6 +35,8 @@ class Factor(NamedTuple):
     """(blocks, 9) blocks of L."""
     switch: NDArray[np.float64]
     """(switches, 9) conductance between the two ends of each three-pole switch [S]."""
+    response: NDArray[np.float64]
+    """(varistors, 3, n, 3) voltages that one ampere through a varistor's phase makes [ohm]."""
 
 
 def elimination_order(count: int, pairs: Iterable[tuple[int, int]]) -> list[int]:

@@ -94,9 +94,9 @@ class Fault(Component):
         line = tables.find(Line, self.line, self.key("line"))
         node = circuit.node_at(line.name, self.position(line))
         number = circuit.add_switch(self.table, self.name, Star(node, self.resistance_ohm, ground))
-        for end in ENDS:
+        for place, end in enumerate(ENDS):
             # it lies beyond the current transformer, which must see it (with a breaker it does)
-            if node == line.bus(end) == circuit.terminals[line.name, end]:
+            if self.position(line) == place and line.bus(end) == circuit.terminals[line.name, end]:
                 circuit.terms[line.name, end].append(("switch", number, 1.0))
 
     def actions(self, model: Model, steady: Sequence[Steady]) -> tuple[list[Action], list[str]]:

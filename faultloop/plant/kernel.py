@@ -35,6 +35,7 @@ from faultloop.plant.elements.mutual import (
     coupled_wave_currents,
 )
 from faultloop.plant.elements.switch import crossings, switch_currents, waiting
+from faultloop.plant.elements.varistor import conduct
 from faultloop.plant.factor import Factor, solve
 from faultloop.plant.frontend import FrontEnds, convert, measure, transform
 from faultloop.plant.network import Network
@@ -69,6 +70,7 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
         arrive(net, factor, state, watch, front, samples)
     # asked here and not in the functions: a call passes all their arrays and takes as long as a step
     coupled = net.coupling.branch.shape[0] + net.coupling.wave.shape[0] > 0
+    arrested = net.varistor.bus.shape[0] > 0
     armed = waiting(watch.armed)
     if armed:
         switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
@@ -86,6 +88,8 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
         branch_inject(net.branch, state.history, state.v, net.emf.wave.shape[0])
         wave_inject(net.wave, state.arriving, state.v)
         solve(net.structure, factor, state.v)
+        if arrested:
+            conduct(net.varistor, factor, state.v, state.varistor)
         branch_step(net.branch, state.history, state.v, state.branch_current)
         wave_currents(net.wave, state.arriving, state.v, state.wave_current)
         if coupled:
@@ -132,6 +136,8 @@ def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
         branch_inject(net.branch, state.history, state.v, net.emf.wave.shape[0])
         wave_inject(net.wave, state.arriving, state.v)
         solve(net.structure, factor, state.v)
+        if net.varistor.bus.shape[0] > 0:
+            conduct(net.varistor, factor, state.v, state.varistor)
         branch_currents(net.branch, state.history, state.v, state.branch_current)
         coupled_currents(net.coupling, net.branch, state.v, state.branch_current)
         wave_currents(net.wave, state.arriving, state.v, state.wave_current)

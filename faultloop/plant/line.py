@@ -91,11 +91,11 @@ class Line(Component):
         for end in ENDS:
             circuit.terminals.setdefault((self.name, end), self.bus(end))
         points = circuit.cuts[self.name]
-        names = [circuit.node_at(self.name, p) for p in points]
+        sides = [circuit.sides(self.name, p) for p in points]
         first = (len(circuit.passive), len(circuit.sections))
         for i in range(len(points) - 1):
-            self._add_stretch(circuit, names[i], names[i + 1], points[i : i + 2])
-        for end, node in (("from", names[0]), ("to", names[-1])):
+            self._add_stretch(circuit, sides[i][1], sides[i + 1][0], points[i : i + 2])
+        for end, node in (("from", sides[0][1]), ("to", sides[-1][0])):
             # where there is a breaker, its current is already the line end's
             circuit.terms.setdefault((self.name, end), _currents_from(circuit, node, *first))
 

@@ -12,6 +12,7 @@ from faultloop.plant.elements.bergeron import Waves, wave_constants
 from faultloop.plant.elements.branch import Branches, branch_constants
 from faultloop.plant.elements.emf import Emfs, emf_constants
 from faultloop.plant.elements.mutual import CoupledBranches, CoupledWaves, Couplings, coupling_constants
+from faultloop.plant.elements.varistor import Varistors, respond, varistor_constants
 from faultloop.plant.factor import Factor, Structure, elimination_order, factorize, symbolic
 
 LEAKAGE_S = 1e-9
@@ -26,6 +27,7 @@ class Network(NamedTuple):
     branch: Branches
     wave: Waves
     coupling: Couplings
+    varistor: Varistors
     switch_bus: Ints
     """(switches, 2) rows of v"""
 
@@ -62,6 +64,7 @@ class Model:
             branch=branch_constants(circuit.branches, self._coefficients, self.row),
             wave=waves,
             coupling=coupling,
+            varistor=varistor_constants(circuit.varistors, self.row),
             switch_bus=np.array(
                 [[self.row[s.start], self.row[s.end]] for s in circuit.switches], dtype=np.int64
             ).reshape(-1, 2),
@@ -79,7 +82,11 @@ class Model:
                 switch[i] = y.ravel()
                 self._stamp(diagonal, lower, self.row[s.start], self.row[s.end], y)
             factorize(self.structure, diagonal, lower)
-            self._factors[masks] = Factor(diagonal, lower, switch)
+            varistors = self.network.varistor.bus
+            response = np.zeros((len(varistors), 3, self.bus_count, 3))
+            self._factors[masks] = factor = Factor(diagonal, lower, switch, response)
+            if len(varistors):
+                respond(self.structure, factor, varistors)
         return self._factors[masks]
 
     def _couple(self) -> Couplings:

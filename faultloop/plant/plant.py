@@ -337,6 +337,7 @@ def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], Sta
         "half_v": (rows, 3),
         "half_current": (currents, 3),
         "arriving": (waves, 6),
+        "varistor": (len(model.circuit.varistors), 2, 3),
         "measured": (len(front.bus), 6),
     } | analog_shapes(front)
     return new_state(shapes, (branches, 2 * waves))

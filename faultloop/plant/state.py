@@ -34,6 +34,8 @@ class State(NamedTuple):
     """(slots, 6) past ``u = y v + H i``: alpha, beta of a wave's start, of its end, zero of both [A]"""
     arriving: Floats
     """(waves, 6) [A], modal, order as in ring"""
+    varistor: Floats
+    """(varistors, 2, 3) voltage across if none conducted [V], current [A]"""
     emf: Floats
     """(sources, 3) cos and sin at the first step of a block, and that block's number"""
     analog: Analog
