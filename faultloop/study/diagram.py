@@ -22,14 +22,15 @@ DASHES = {"solid": "-", "dash": "--", "dot": ":"}
 
 @dataclass(frozen=True)
 class Curve:
-    """A line, points, or a band between ``y`` and ``upper``.  NaN breaks it."""
+    """A line with or without (``smooth``) its points, points, or a band to ``upper``.  NaN breaks it."""
 
     name: str
     x: ArrayLike
     y: ArrayLike
-    kind: Literal["line", "points", "band"] = "line"
+    kind: Literal["line", "smooth", "points", "band"] = "line"
     colour: int = 0
-    dash: Literal["solid", "dash", "dot"] = "solid"
+    dash: str = "solid"
+    """Of `DASHES`."""
     upper: ArrayLike | None = None
     in_legend: bool = True
 
@@ -172,7 +173,7 @@ def _plotly_curve(figure: Any, curve: Curve) -> None:
             fillcolor=_faint(colour), hoverinfo="skip", **own,
         )  # fmt: skip
         return
-    mode = "markers" if curve.kind == "points" else "lines+markers"
+    mode = {"points": "markers", "smooth": "lines"}.get(curve.kind, "lines+markers")
     figure.add_scatter(
         x=x, y=y, mode=mode, line={"color": colour, "dash": curve.dash, "width": 1.8},
         marker={"color": colour, "size": 5}, **own,
@@ -201,8 +202,18 @@ def _draw_curve(axes: Any, curve: Curve) -> None:
         assert curve.upper is not None
         axes.fill_between(curve.x, curve.y, curve.upper, color=colour, alpha=0.13, linewidth=0, label=label)
         return
-    style = {"linestyle": "none"} if curve.kind == "points" else {"linestyle": DASHES[curve.dash]}
-    axes.plot(curve.x, curve.y, color=colour, marker=".", markersize=4, linewidth=1.3, label=label, **style)
+    line = "none" if curve.kind == "points" else DASHES[curve.dash]
+    marker = "" if curve.kind == "smooth" else "."
+    axes.plot(
+        curve.x,
+        curve.y,
+        color=colour,
+        marker=marker,
+        markersize=5,
+        linewidth=1.3,
+        label=label,
+        linestyle=line,
+    )
 
 
 def _draw_limit(axes: Any, limit: Limit) -> None:

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 import faultloop
+from faultloop.loop.case import Cases
+from faultloop.loop.recording import MemorySink
 from faultloop.study.campaign.where import where_of
+from faultloop.study.diagram import Curve, Diagram, Surface, write_png
 from faultloop.study.suites import run_suite
 from faultloop.study.suites.distance import PARTS, section
+from faultloop.study.suites.distance.closed_form import measured, resistance_at
 from faultloop.study.suites.distance.network import Network
 from faultloop.study.suites.distance.rows import Rows, Times
-from faultloop.study.suites.distance.sweep import Sweep, run_sweeps
+from faultloop.study.suites.distance.sections import ct_saturation
+from faultloop.study.suites.distance.security import wrong
+from faultloop.study.suites.distance.sweep import KEYS, Sweep, run_sweeps
 
 
 @pytest.mark.parametrize("part", list(PARTS))
@@ -47,7 +53,8 @@ def test_the_place_of_every_fault_is_what_the_network_says(part: str) -> None:
         plan = sweep.plan(name)
         table_keys = sweep.vary
         columns = {
-            key: np.array([plan.values(n)[_key(key)] for n in range(plan.cases)]) for key in table_keys
+            key: np.array([plan.values(n)[KEYS.get(key, key)] for n in range(plan.cases)])
+            for key in table_keys
         }
         depth = sweep.depth(Rows(columns, plan.cases))
         depth = np.broadcast_to(depth, plan.cases)
@@ -58,12 +65,6 @@ def test_the_place_of_every_fault_is_what_the_network_says(part: str) -> None:
             if d == 0:  # at A, but on the line's side of the current transformer
                 continue
             assert where_of(scenario, scenario.relay[0]) == told
-
-
-def _key(name: str) -> str:
-    from faultloop.study.suites.distance.sweep import KEYS
-
-    return KEYS.get(name, name)
 
 
 def test_times_with_missed_operations() -> None:
@@ -77,3 +78,58 @@ def test_times_with_missed_operations() -> None:
 def test_a_suite_that_takes_no_workers_refuses_them() -> None:
     with pytest.raises(faultloop.InputError, match="takes none"):
         run_suite("bus", quick=True, workers=2)
+
+
+@pytest.mark.parametrize("kind", ["AG", "BC", "ABC"])
+def test_the_closed_form_is_what_the_plant_settles_to(kind: str) -> None:
+    """Two independent ways to the same loop: sequence networks, and the plant with a full-cycle DFT."""
+    network = Network(sir=5.0, model="rl", far_sir=None, beyond_km=0.0, angle_deg=0.0, duration_s=0.4)
+    own = {"R": network.settings(network.mho(delay_ms=1e5), estimator={"method": "fourier"})}
+    fault = {"line": "AB", "at_pu": 0.5, "type": kind, "resistance_ohm": 7.0}
+    case = Sweep(network, own, {"angle": [0.0]}, fault).plan("one").case(0)
+    sink = MemorySink()
+    Cases().prepare(case.scenario, case.settings).run([sink])
+    row = sink.array("R", "phasors")[-1]
+    v, i = (np.array([complex(row[f"{q}{p}_re"], row[f"{q}{p}_im"]) for p in "abc"]) for q in "vi")
+    loop = measured(network, kind, 0.5, 7.0)
+    k0 = (network.z0_ohm - network.z1_ohm) / (3 * network.z1_ohm)
+    z = v[0] / (i[0] + k0 * i.sum()) if kind == "AG" else (v[1] - v[2]) / (i[1] - i[2])
+    assert z == pytest.approx(loop.voltage / loop.current, rel=2e-3)
+    assert abs(v[0] if kind == "AG" else v[1] - v[2]) == pytest.approx(abs(loop.voltage), rel=2e-3)
+
+
+def test_the_boundary_of_a_mho_is_on_its_circle() -> None:
+    """Behind a source of next to no impedance the polarizing voltage is the loop's own: the static circle."""
+    network = Network(sir=1e-6)
+    for place in (0.1, 0.4, 0.7):
+        r = resistance_at(network, "mho", "ABC", 0.8, place)
+        centre = 0.4 * network.z1_ohm
+        assert abs(place * network.z1_ohm + r - centre) == pytest.approx(abs(centre), rel=1e-4)
+
+
+def test_the_core_saturates_when_it_is_told_to() -> None:
+    for ms in (3.0, 7.0):
+        vs = ct_saturation.voltage_for(ms, 0.0, 4000.0, 6.67)
+        got = ct_saturation.time_to_saturation_ms(vs, 0.0, 4000.0, 6.67)
+        assert got == pytest.approx(ms, abs=2e3 / ct_saturation.STEPS_PER_S)
+        assert ct_saturation.voltage_for(ms, 0.5, 4000.0, 6.67) > vs  # remanence wants a higher knee
+
+
+def test_wrong_operations_are_counted_by_place() -> None:
+    depth = np.array([-0.5, -1e-6, 0.0, 0.83, 0.84, 0.99, 1.0, 1.4])
+    tripped = np.ones(8, bool)
+    rows = Rows({"depth": depth, **{f"{r}.tripped": tripped for r in ("MHO", "FWD", "REV")}}, 8)
+    assert [(w.cases, w.operated) for w in wrong(rows)] == [(2, 2), (2, 2), (2, 2), (2, 2), (6, 6)]
+
+
+def test_a_diagram_is_drawn_alike(tmp_path) -> None:
+    surface = Surface([1, 2], [0.5, 1.0], np.array([[1.0, np.nan], [3.0, 4.0]]), [1.0, 5.0])
+    diagrams = [
+        Diagram(
+            "curves", "x", "y", [Curve("a", [1, 2], [3, 4]), Curve("b", [1, 2], [1, 2], "band", upper=[2, 3])]
+        ),
+        Diagram("surface", "x", "y", surface=surface),
+    ]
+    write_png("both", diagrams, tmp_path / "d.png")
+    assert (tmp_path / "d.png").read_bytes()[:4] == b"\x89PNG"
+    assert [len(diagram.plotly().data) for diagram in diagrams] == [2, 1]

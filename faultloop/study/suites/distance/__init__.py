@@ -14,11 +14,22 @@ from faultloop.study.suites.distance.section import Section
 from faultloop.study.suites.distance.sweep import Sweep, run_sweeps
 
 PARTS = {
+    "static-accuracy": "static_accuracy",
     "operate-time": "operate_time",
     "sir-contours": "sir_contours",
     "transient-overreach": "transient_overreach",
     "cvt": "cvt",
     "directional": "directional",
+    "frequency": "frequency",
+    "harmonics": "harmonics",
+    "noise": "noise",
+    "ct-saturation": "ct_saturation",
+    "line-lengths": "line_lengths",
+    "breaker-opening": "breaker_opening",
+    "energising": "energising",
+    "evolving": "evolving",
+    "double-infeed": "double_infeed",
+    "estimators": "estimators",
 }
 """The module of each, in ``sections``."""
 TAKES = ("workers", "keep")

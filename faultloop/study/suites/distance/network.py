@@ -96,9 +96,9 @@ class Network:
 
     def _lines(self) -> list[Tables]:
         lengths = {"AB": self.length_km, "XA": self.behind_km, "BC": self.beyond_km}
-        # A - B first: a source given by its ratio takes the first line listed at its bus.
+        values = {key: x for key, x in LINE.items() if self.model != "rl" or not key.startswith("b")}
         return [
-            {"name": name, "from": name[0], "to": name[1], "length_km": km, "model": self.model, **LINE}
+            {"name": name, "from": name[0], "to": name[1], "length_km": km, "model": self.model, **values}
             for name, km in lengths.items()
             if km
         ]

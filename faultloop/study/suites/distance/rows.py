@@ -88,10 +88,10 @@ class Rows:
     def tripped(self, relay: str) -> Mask:
         return self._columns[f"{relay}.tripped"].astype(bool)
 
-    def times(self, relay: str, since: str = "fault_ns") -> Times:
-        """From the fault's start to the trip at the breaker [ms]."""
-        received = self._columns[f"{relay}.received_ns"].astype(np.float64)
-        ms = (received - self._columns[since]) / 1e6
+    def times(self, relay: str, since: str = "fault_ns", until: str = "received_ns") -> Times:
+        """From the fault's start, or another column of instants, to the trip at the breaker [ms]."""
+        end = self._columns[f"{relay}.{until}"].astype(np.float64)
+        ms = (end - self._columns[since]) / 1e6
         return Times(np.where(np.isfinite(ms), ms, np.inf))
 
     @classmethod

@@ -46,12 +46,14 @@ def operated(rows: Rows, relay: str) -> str:
     return f"{int(rows.tripped(relay).sum())} of {len(rows)}"
 
 
-def times_over(rows: Rows, relay: str, over: str, name: str, colour: int) -> list[Curve]:
+def times_over(
+    rows: Rows, relay: str, over: str, name: str, colour: int, since: str = "fault_ns"
+) -> list[Curve]:
     """Median and greatest time over a column, and the band from least to greatest.
 
     Where a case did not operate the greatest is not drawn."""
     x = rows.values(over)
-    each = [rows.only(**{over: value}).times(relay).figures for value in x]
+    each = [rows.only(**{over: value}).times(relay, since).figures for value in x]
     low, middle, _, high = (np.where(np.isfinite(f), f, np.nan) for f in np.array(each).T)
     return [
         Curve(f"{name}: min to max", x, low, "band", colour, upper=high, in_legend=False),

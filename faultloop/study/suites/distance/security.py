@@ -61,6 +61,16 @@ def wrong(rows: Rows, names: Mapping[str, str] = ZONES) -> list[Wrong]:
     return found
 
 
+def quiet(rows: Rows, what: str = "no fault") -> list[Wrong]:
+    """Operations of every relay that is there, in cases without a fault."""
+    own = {relay: zone for relay, zone in ZONES.items() if f"{relay}.tripped" in rows}
+    return [
+        Wrong(f"{zone}, {what}", len(rows), int(rows.tripped(relay).sum()))
+        for relay, zone in own.items()
+        if len(rows)
+    ]
+
+
 def wrong_table(title: str, found: list[Wrong]) -> Table:
     """Which, of how many."""
     rows = [(w.what, w.operated, w.cases) for w in found]

@@ -28,6 +28,8 @@ KEYS = {
     "resistance": "fault.F1.resistance_ohm",
 }
 """Short names of what is varied; another name is a campaign's key itself."""
+AT_THE_BUS = 1e-6
+"""So far behind the current transformer a fault at bus A counts to be, per unit of the line."""
 TYPES = ("AG", "BG", "CG", "AB", "BC", "CA", "ABG", "BCG", "CAG", "ABC", "ABCG")
 
 
@@ -92,13 +94,13 @@ class Sweep:
             return float("nan")
         bus = self.fault.get("bus")
         if bus is not None:
-            return {"A": -1e-9, "B": 1.0}[bus]  # a fault at bus A is behind the current transformer
+            return {"A": -AT_THE_BUS, "B": 1.0}[bus]
         at = rows["at"] if "at" in rows else self.fault["at_pu"]
         own = self.network
         return {
             "AB": lambda: at,
             "BC": lambda: 1.0 + at * own.beyond_km / own.length_km,
-            "XA": lambda: (at - 1.0) * own.behind_km / own.length_km - 1e-9,
+            "XA": lambda: (at - 1.0) * own.behind_km / own.length_km - AT_THE_BUS,
         }[self.fault["line"]]()
 
 

@@ -48,9 +48,9 @@ def sweeps(quick: bool) -> dict[str, Sweep]:
 def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     every = Rows.joined([own.tagged(place=np.round(own["depth"], 6)) for own in rows.values()])
     report.text.append(
-        "Zone 1 of 80 %, mho, behind P1 and P2 (passive, 100 and 20 nF), A1 and A2 (active, 100 and 20 nF; "
-        "A2 is of no class): docs/plant.md. The relay is not told which. A-G, B-C, A-B-C at 12 angles: 36 "
-        "faults a cell."
+        "Zone 1 of 80 %, mho, behind P1 and P2 (passive, 100 and 20 nF), A1 and A2 (active, 100 and 20 "
+        "nF; A2 is of no class): docs/plant.md. The relay is not told which. A-G, B-C, A-B-C at 12 "
+        "angles: 36 faults a cell."
     )
     report.tables += [_outside(every), _inside(every), _makers(every)]
     report.diagrams.append(_overreach_diagram(every))

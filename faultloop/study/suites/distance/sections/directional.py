@@ -43,9 +43,9 @@ def sweeps(quick: bool) -> dict[str, Sweep]:
 def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     every = Rows.joined([own.tagged(at=own["depth"]) for own in rows.values()])
     report.text.append(
-        "Bolted faults at bus A, along 60 km behind it, and within 3 % of A - B (a fault at 0 lies on the "
-        f"line's side of the current transformer); load of {', '.join(f'{x:g}' for x in LOADS_DEG)} degrees. "
-        "Four relays with one zone each, without delay."
+        "Bolted faults at bus A, along 60 km behind it, and within 3 % of A - B (a fault at 0 lies on the"
+        f" line's side of the current transformer); load of {', '.join(f'{x:g}' for x in LOADS_DEG)} "
+        "degrees. Four relays with one zone each, without delay."
     )
     found = wrong(every)
     ahead, behind = every.pick(every["depth"] >= 0), every.pick(every["depth"] < 0)

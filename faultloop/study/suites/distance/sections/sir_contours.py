@@ -48,8 +48,8 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     every = Rows.joined(rows.values())
     every = every.tagged(percent=np.round(100 * every["depth"] / REACH, 6))
     report.text.append(
-        "Zone 1 of 80 % without delay, ideal transformers; A-G, B-C, C-A-G and A-B-C at four angles in each "
-        "cell. A cell is empty where a fault was not operated for within 140 ms."
+        "Zone 1 of 80 % without delay, ideal transformers; A-G, B-C, C-A-G and A-B-C at four angles in "
+        "each cell. A cell is empty where a fault was not operated for within 140 ms."
     )
     for relay, name in RELAYS.items():
         for part, told in ((0.5, "median"), (1.0, "longest")):

@@ -43,9 +43,9 @@ def sweeps(quick: bool) -> dict[str, Sweep]:
 def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     every = Rows.joined(rows.values())
     report.text.append(
-        "Bolted faults just beyond the reach of a zone 1 of 80 % without delay, at every point on wave, so "
-        "with every offset from none to full; ideal transformers. The overreach is the farthest fault that "
-        "was operated for, over the reach."
+        "Bolted faults just beyond the reach of a zone 1 of 80 % without delay, at every point on wave, "
+        "so with every offset from none to full; ideal transformers. The overreach is the farthest fault "
+        "that was operated for, over the reach."
     )
     report.tables.append(_table(every))
     shown = []
