@@ -55,7 +55,8 @@ class Series:
     def column(self, name: str) -> Array:
         """(n,).  Raises InputError for one that is not there."""
         if name not in self.names:
-            raise InputError(f"no column '{name}': {nearest(name, self.names)}", file=self.file)
+            there = nearest(name, self.names) if self.names else "it has none but the time"
+            raise InputError(f"no column '{name}': {there}", file=self.file)
         return np.ascontiguousarray(self.values[:, self.names.index(name)])
 
 
@@ -75,7 +76,7 @@ def read_series(path: Path | str) -> Series:
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = [row for row in csv.reader(file) if row]
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"cannot be read as CSV: {error}", file=path) from error
     names = tuple(name.strip() for name in rows[0]) if rows else ()
     known = [name for name in names if name.lower() in TIMES]
@@ -83,6 +84,9 @@ def read_series(path: Path | str) -> Series:
         raise InputError(
             f"needs a first row of names, one of them a time in seconds: {', '.join(TIMES)}", file=path
         )
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise InputError(f"the name '{twice[0]}' stands twice in the first row", file=path)
     values = np.array([_numbers(row, names, path, line) for line, row in enumerate(rows[1:], 2)])
     place = names.index(known[0])
     sampling_hz = _rate(values[:, place] if len(values) else np.empty(0), path)
@@ -107,7 +111,7 @@ def _rate(t: Array, path: Path) -> float:
     if len(t) < 2:
         raise InputError("needs at least two samples", file=path)
     span = float(t[-1] - t[0])
-    if not span > 0:
+    if not 0 < span < math.inf:
         raise InputError("its times do not rise", file=path)
     even = t[0] + span * np.arange(len(t)) / (len(t) - 1)
     off = np.abs(t - even) * (len(t) - 1) / span
@@ -209,12 +213,15 @@ def disturbances(
     softening : beta: residuals up to sqrt(beta R) count as noise, R = 0.001 of the squared peak.
     peak : the nominal one, in the record's unit; not given, that of the first two cycles.
 
-    Raises InputError for an unknown method or column, fewer than 16 samples a cycle, or a record that is zero
-    at the start or not a number somewhere.
+    Raises InputError for an unknown method or column, a parameter that is not positive, fewer than 16 samples
+    a cycle, or a record that is zero at the start or not a number somewhere.
     """
     if method not in TRACKS:
         raise InputError(f"unknown filter '{method}': {nearest(method, tuple(TRACKS))}", key="method")
     values = series.column(column)
+    for key, value in (("frequency_hz", frequency_hz), ("softening", softening)):
+        if not 0 < value < math.inf:
+            raise InputError(f"{value!r} should be positive", key=key)
     cycle = series.sampling_hz / frequency_hz
     if cycle < 16:
         raise InputError(
@@ -222,7 +229,7 @@ def disturbances(
         )
     if peak is None:
         peak = float(np.abs(values[: math.ceil(2 * cycle)]).max())
-    if not peak > 0 or not np.isfinite(values).all():
+    if not 0 < peak < math.inf or not np.isfinite(values).all():
         raise InputError(f"'{column}' is zero at the start, or not a number somewhere", file=series.file)
     found = track(Setting(method, softening), values / peak, series.sampling_hz, frequency_hz)
     raised = found[:, FADING] > 1.0

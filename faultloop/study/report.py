@@ -137,7 +137,7 @@ def check_table(report: Report) -> Table:
     for c in report.checks:
         limit = f"{'>=' if c.at_least else '<='} {cell(c.limit)}"
         rows.append((c.verdict, c.what, cell(c.value), limit, cell(c.margin), c.unit))
-    beyond = [f"{c.what}: bound by {c.because}." for c in report.checks if c.out_of_reach]
+    beyond = [f"{c.what}: {c.status}." for c in report.checks if c.out_of_reach]
     columns = ("", "what", ">value", ">limit", ">margin", "unit")
     return Table("Checks", columns, rows, " ".join(beyond))
 
@@ -176,7 +176,7 @@ STYLE = (
     "div.t{overflow-x:auto}"  # a table that is wider than a telephone scrolls by itself, and not the page
     "table{border-collapse:collapse;margin:.5em 0 1em;width:max-content;max-width:max(100%,50em)}"
     "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd;vertical-align:top}"
-    "th{vertical-align:bottom}td.r{white-space:nowrap}"
+    "th{vertical-align:bottom}td:first-child{min-width:8em}td.r{white-space:nowrap;min-width:0}"
     "td.r,th.r{text-align:right}td.missed,p.missed{color:#b00;font-weight:bold}"
 )
 

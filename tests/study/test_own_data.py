@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -151,3 +152,83 @@ def test_what_a_filter_cannot_take_is_refused(tmp_path: Path) -> None:
         Generator(30.3, -1, 0.282, 0.0697, 0.17, 6.56, 1.5).parameters(0.02)
     with pytest.raises(InputError, match="too few for a time constant"):
         Generator(30.3, 0.295, 0.282, 0.0697, 0.17, 6.56, 0.03).parameters(0.02)
+
+
+def comtrade(folder: Path, names: list[str], values: np.ndarray, rate: float, unit: str = "V") -> Path:
+    channels = [AnalogChannel(name, values[:, k].copy(), unit) for k, name in enumerate(names)]
+    t_ns = np.round(np.arange(len(values)) * 1e9 / rate).astype(np.int64)
+    record = Record(t_ns, channels, rates=(Rate(rate, len(values)),), frequency_hz=50.0)
+    write_comtrade(folder / "own.cfg", record, format="FLOAT32")
+    return folder / "own.cfg"
+
+
+def test_disturbances_of_a_comtrade_are_those_of_the_csv(tmp_path: Path) -> None:
+    csv = read_series(sag(tmp_path))
+    record = read_series(comtrade(tmp_path, ["va"], csv.values, 6400.0))
+    a, b = (disturbances(series, "va", "STF", frequency_hz=50.0) for series in (csv, record))
+    np.testing.assert_allclose(a.amplitudes[-400:], b.amplitudes[-400:], atol=0.05)
+    np.testing.assert_allclose(a.starts_s[:3] - 10.0, b.starts_s[:3], atol=2e-4)
+
+
+def test_a_generator_from_comtrade(tmp_path: Path) -> None:
+    path, states = generator(tmp_path)
+    csv = read_series(path)
+    record = read_series(comtrade(tmp_path, list(csv.names), csv.values, FRAMES_PER_S, ""))
+    constants = Generator(30.3, 0.295, 0.282, 0.0697, 0.17, 6.56, 1.5, damping=2 * 30.3)
+    found = track_generator(record, constants, mcc(10.0))
+    assert np.sqrt(((found - states)[200:] ** 2).mean()) < 0.005
+
+
+def test_a_comtrade_without_voltages(tmp_path: Path) -> None:
+    """Its currents are phasors too; a voltage that is not there is named."""
+    t = np.arange(2400) / 4800
+    record = read_series(comtrade(tmp_path, ["IA", "IB", "IC"], three_phases(t, 50.0, 400.0), 4800.0, "A"))
+    with pytest.raises(InputError, match=r"own\.cfg: no column 'VA'"):
+        synchrophasors(record, ["VA"], frequency_hz=50.0)
+    found = synchrophasors(record, ["IA", "IB", "IC"], frequency_hz=50.0)
+    assert np.abs(found.phasors[-1]) == pytest.approx(400.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"t,va,va\n0,1,2\n0.1,2,3\n", "'va' stands twice"),
+        (b"t,va\n0,1\n0.1,\x00\n", "is no number|cannot be read"),
+        (b"\xff\xfet\x00,\x00", "cannot be read as CSV"),
+        (b"t,va\nnan,1\nnan,2\n", "do not rise"),
+        (b"t,va\n0,1\n1,2\ninf,3\n", "not evenly spaced|do not rise"),
+        (b"t;va\n0;1\n1;2\n", "a first row of names"),
+        (b"t,va\n", "at least two samples"),
+    ],
+)
+def test_more_bad_csvs(tmp_path: Path, text: bytes, message: str) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_bytes(text)
+    with pytest.raises(InputError, match=message) as caught:
+        read_series(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_missing_or_no_number_in_a_record(tmp_path: Path) -> None:
+    (tmp_path / "bare.csv").write_text("t\n0\n1\n")
+    with pytest.raises(InputError, match="no column 'va': it has none"):
+        read_series(tmp_path / "bare.csv").column("va")
+    gap = write_csv(tmp_path / "gap.csv", {"t": np.arange(800) / 4800, "va": np.full(800, np.nan)})
+    with pytest.raises(InputError, match="not a number somewhere"):
+        disturbances(read_series(gap), "va", frequency_hz=50.0)
+    assert np.isnan(synchrophasors(read_series(gap), ["va"], frequency_hz=50.0).frequency_hz).all()
+    series = read_series(sag(tmp_path))
+    for wrong in (
+        {"frequency_hz": 0.0},
+        {"frequency_hz": math.nan},
+        {"frequency_hz": 50.0, "softening": -1.0},
+    ):
+        with pytest.raises(InputError, match="should be positive"):
+            disturbances(series, "va", **wrong)
+    with pytest.raises(InputError):
+        synchrophasors(series, ["va"], frequency_hz=0.0)
+    constants = Generator(30.3, 0.295, 0.282, 0.0697, 0.17, 6.56, 1.5)
+    measured = read_series(generator(tmp_path)[0])
+    for key in ("q", "r", "start"):
+        with pytest.raises(InputError, match=f"{key}: should be four numbers"):
+            track_generator(measured, constants, **{key: np.ones(3)})

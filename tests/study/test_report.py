@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from faultloop.cli import call
 from faultloop.cli.output import print_json
+from faultloop.study.papers import rls
 from faultloop.study.papers.mstukf.readings import half_digit
 from faultloop.study.papers.published import Published, state
 from faultloop.study.report import Check, Report, check_table, write_page
+from faultloop.study.suites import SUITES
 
 
 @pytest.mark.parametrize(
@@ -95,3 +99,38 @@ def test_pages_lead_to_nobodys_cloud(tmp_path: Path) -> None:
     assert '"displaylogo": false' in text and '"showSendToCloud": false' in text
     outside = re.sub(r"<script.*?</script>", "", text, flags=re.S)
     assert "http" not in outside and "href" not in outside
+
+
+@pytest.mark.parametrize(
+    ("check", "status"),
+    [
+        (Check("a", 1.0, 2.0), 0),
+        (Check("a", 30.0, 78.0, "%", True, 42.0, "by hand"), 0),
+        (Check("a", 30.0, 78.0, "%", True), 3),
+        (Check("a", 30.0, 78.0, "%", True, 90.0, "a bound that excuses nothing"), 3),
+    ],
+)
+def test_the_exit_status_of_a_suite(
+    check: Check, status: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A figure beyond its bound does not fail it; one that is missed does.  JSON says so by booleans."""
+    monkeypatch.setattr(rls, "report", lambda quick: Report("rls", "R", checks=[check]))
+    assert call(["suite", "seeds", "rls", "--json"]) == status
+    told = json.loads(capsys.readouterr().out)
+    assert told["held"] is told["reports"][0]["held"] is (status == 0)
+    assert told["reports"][0]["checks"][0]["held"] is check.held
+
+
+@pytest.mark.parametrize("name", SUITES)
+def test_held_is_a_boolean_in_every_suite_s_json(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a suite computes are NumPy's numbers; what is printed are JSON's."""
+    checks = [Check("a", np.float64(v), np.float64(1.0), at_least=np.bool_(False)) for v in (0.5, 2.0)]
+    module = import_module(f"faultloop.study.suites.{name}")
+    monkeypatch.setattr(module, "run", lambda parts, *, quick, progress: [Report(name, "R", checks=checks)])
+    assert call(["suite", name, "--json"]) == 3
+    told = json.loads(capsys.readouterr().out)
+    assert told["held"] is False and told["reports"][0]["held"] is False
+    assert [c["held"] for c in told["reports"][0]["checks"]] == [True, False]
+    assert [c["at_least"] for c in told["reports"][0]["checks"]] == [False, False]

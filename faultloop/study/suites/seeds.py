@@ -1,6 +1,7 @@
 """The five papers' cases: one module a paper, in ``faultloop.study.papers``.
 
-An input that one of them lacks costs its own report only: it then says what is missing, and does not hold.
+What one of them lacks (an input that is missing, unreadable or makes no network) costs its own report only:
+it then says so, and does not hold.
 """
 
 from __future__ import annotations
@@ -8,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
+
+import numpy as np
 
 from faultloop.errors import InputError
 from faultloop.study.report import Report
@@ -25,10 +28,10 @@ def run(parts: Sequence[str], *, quick: bool, progress: Callable[[float], Any]) 
     """One report for each paper; each module has ``report(quick) -> Report``."""
     reports = []
     for place, part in enumerate(parts):
-        module = import_module(f"faultloop.study.papers.{PARTS[part]}")
         try:
+            module = import_module(f"faultloop.study.papers.{PARTS[part]}")
             reports.append(module.report(quick))
-        except InputError as error:
-            reports.append(Report(part, f"Seed paper's part {part}", failed=str(error)))
+        except (InputError, OSError, ImportError, np.linalg.LinAlgError) as error:
+            reports.append(Report(part, f"Seed paper's part {part}", failed=" ".join(str(error).split())))
         progress((place + 1) / len(parts))
     return reports

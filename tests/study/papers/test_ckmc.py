@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from faultloop.errors import InputError
-from faultloop.study.papers import ckmc
+from faultloop.study.papers import ckmc, rls
 from faultloop.study.papers.ckmc.cases import (
     BAD,
     CKF,
@@ -30,7 +30,7 @@ from faultloop.study.papers.ckmc.cases import (
     realised,
 )
 from faultloop.study.papers.ckmc.machines import machine
-from faultloop.study.report import Report, write_html
+from faultloop.study.report import Check, Report, write_html
 from faultloop.study.suites import run_suite
 
 pytestmark = pytest.mark.xdist_group("ckmc")  # the report is made once
@@ -132,9 +132,42 @@ def test_missing_data_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_missing_data_costs_its_own_report_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In either order: the other's results are there, the suite does not hold, and the page says why."""
     monkeypatch.setenv("FAULTLOOP_IEEE39", str(tmp_path))
-    lost, rls = run_suite("seeds", ["ckmc", "rls"], quick=True)
-    assert rls.held and rls.checks and rls.tables
+    lost, other = run_suite("seeds", ["ckmc", "rls"], quick=True)
+    assert other.held and other.checks and other.tables
     assert not lost.held and "buses.csv: no such file" in lost.failed
     assert lost.as_dict()["held"] is False and "no such file" in str(lost.as_dict()["failed"])
-    page = write_html([lost, rls], tmp_path / "page.html").read_text()
+    page = write_html([lost, other], tmp_path / "page.html").read_text()
     assert "buses.csv: no such file" in page and "Recursive least squares" in page
+
+
+@pytest.mark.parametrize("name", ["buses.csv", "branches.csv", "generators.csv"])
+@pytest.mark.parametrize(
+    "damage", ["missing", "a folder", "binary", "empty", "a column less", "no number", "zero"]
+)
+def test_an_unreadable_input_is_one_line(
+    name: str, damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each input of the suite, each way: its own report says so, the other one's results stand."""
+    for each in ("buses.csv", "branches.csv", "generators.csv"):
+        (tmp_path / each).write_bytes((data_folder() / each).read_bytes())
+    path = tmp_path / name
+    lines = path.read_text().splitlines()
+    path.unlink()
+    if damage == "a folder":
+        path.mkdir()
+    elif damage != "missing":
+        cells = [line.split(",") for line in lines]
+        path.write_bytes(
+            {
+                "binary": bytes(range(256)),
+                "empty": b"",
+                "a column less": "\n".join(",".join(row[1:]) for row in cells).encode(),
+                "no number": "\n".join([lines[0], *("x" + line for line in lines[1:])]).encode(),
+                "zero": "\n".join([lines[0], *(",".join(["0"] * len(row)) for row in cells[1:])]).encode(),
+            }[damage]
+        )
+    monkeypatch.setenv("FAULTLOOP_IEEE39", str(tmp_path))
+    monkeypatch.setattr(rls, "report", lambda quick: Report("rls", "R", checks=[Check("a", 0.0, 1.0)]))
+    lost, other = run_suite("seeds", ["ckmc", "rls"], quick=True)
+    assert not lost.held and name in lost.failed and "\n" not in lost.failed
+    assert other.held and other.checks

@@ -4,11 +4,15 @@ The factor is sought such that the innovations' covariance h P h' + R is what th
 of hardly two samples), less what the softening factor beta forgives, (beta - 1) R.  It is one unless V
 exceeds beta R.
 
-- `step_strong` (STF; Zhou, Xi, Zhang 1991; eq. 4 to 12) extends the extended filter: lambda F P F' + Q.
-- `step_strong_unscented` (STUKF; Wang, Zhao, Xia, Hao 2010; reference 14 of seed paper 001) says the same in
-  sigma points, three transforms a step.
-- `step_modified` (MSTUKF; Wang and others 2017, seed paper 001, eq. 20 to 39) multiplies Q too,
-  lambda (F P F' + Q), by one transform, as h is linear.
+- `step_strong` (STF: Zhou Donghua, Xi Yugeng, Zhang Zhongjun, "A suboptimal multiple fading extended Kalman
+  filter", Acta Automatica Sinica 17 (6), 1991; here eq. 4 to 12 of seed paper 001) extends the extended
+  filter: lambda F P F' + Q.
+- `step_strong_unscented` (STUKF: Wang Xiaoxu, Zhao Lin, Xia Quanxi, Hao Yong, "Strong tracking filter based
+  on unscented transformation", Control and Decision 25 (7), 2010; reference 14 there) says the same in sigma
+  points, three transforms a step.
+- `step_modified` (MSTUKF: Wang Yi, Liu Heng and others, "Transient voltage disturbance detection based on
+  modified strong tracking UKF", Power System Protection and Control, 2017, seed paper 001, eq. 20 to 39)
+  multiplies Q too, lambda (F P F' + Q), by one transform, as h is linear.
 
 All three give the same h P h' = V - beta R where lambda > 1.  They differ in the share of Q, which after a
 step is small, and in how the transition is linearised.

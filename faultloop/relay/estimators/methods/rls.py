@@ -1,5 +1,7 @@
-"""Recursive least squares (Li, Zhou 1993; seed paper 004): a decaying offset and n harmonics, from the
-first sample on.
+"""Recursive least squares: a decaying offset and n harmonics, from the first sample on.
+
+Li Liezhong, Zhou Chao, "The application of recursive least squares in microprocessor protection" (Chinese),
+1993 (its text does not name the journal): seed paper 004.
 
 The model is eq. 5 there, x0 exp(-t / Td) + sum_j (xRj cos j w t + xIj sin j w t), and the recursion eq. 2
 to 4 with P0 = alpha^2 I, so that it starts at N = 1 and is the batch estimate from N = 2 n + 1 on.  At a

@@ -141,7 +141,8 @@ def report(quick: bool) -> Report:
     """The paper's cases and claim, and its eq. 9 and 10."""
     result = Report("adaptive-kalman", "Adaptive Kalman filter (seed 000)")
     cases = (CASES[0], CASES[2]) if quick else CASES
-    turns = np.arange(2 if quick else 12) / (2 if quick else 12)
+    angles = 3 if quick else 12
+    turns = np.arange(angles) / angles
     grid = QUICK if quick else Grid()
     records = {case: [record(*case, float(turn)) for turn in turns] for case in cases}
     result.text = [
@@ -160,7 +161,7 @@ def report(quick: bool) -> Report:
         f"cycle, and at {TUNED:g} times all medians are; by the magnitude, which is what the paper's "
         "figures draw, it is there with L / R itself. With the paper's hint, the line's own time constant, "
         "it is late: see 'By the decay constant and the criterion'.",
-        *(["Quick: two faults, two angles, fewer constants and floors."] if quick else []),
+        *(["Quick: two faults, three angles, fewer constants and floors."] if quick else []),
     ]
     result.tables += [_voltages(records), _currents(records, grid), _floors(records, grid), _package(records)]
     result.figures = _figures(records)
@@ -395,16 +396,22 @@ def _over_factor(finer: list[tuple[object, ...]], factors: Sequence[float]) -> A
     import plotly.graph_objects as go
 
     figure = go.Figure()
-    colours: dict[str, str] = {}
+    names = list(dict.fromkeys(what for what, *_ in finer))
     for what, form, criterion, *cells in finer:
         if form != kf.INITIAL_VALUE:
             continue
-        colour = colours.setdefault(str(what), ("#1f6fb2", "#d98c1f", "#2a9d5c")[len(colours)])
+        colour = ("#1f6fb2", "#d98c1f", "#2a9d5c")[names.index(what)]
         medians = [float(str(cell)) for cell in cells[: len(factors)]]
         style = {"color": colour, "dash": "solid" if criterion == "vector" else "dot"}
         figure.add_scatter(x=list(factors), y=medians, name=f"{what}, {criterion}", line=style)
     for kind, claim in CLAIM_MS.items():
-        figure.add_hline(y=claim, line_dash="dash", line_color="#888", annotation_text=f"claim, {kind}")
+        figure.add_hline(
+            y=claim,
+            line_dash="dash",
+            line_color="#888",
+            annotation_text=f"claim, {kind}",
+            annotation_position="top left",
+        )
     figure.update_layout(template="plotly_white", height=420, margin={"t": 20})
     figure.update_xaxes(title="assumed decay constant over L / R of the loop")
     return figure.update_yaxes(title="median [ms]", rangemode="tozero")

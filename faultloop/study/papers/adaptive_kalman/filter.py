@@ -1,4 +1,7 @@
-"""The filter of seed paper 000 (Zhang Zhe, Chen Deshu) as the paper writes it, for many signals at a time.
+"""The filter of seed paper 000 as the paper writes it, for many signals at a time.
+
+Zhang Zhe, Chen Deshu, "Application of the adaptive Kalman filter in computer relaying" (Chinese; its text
+names neither journal nor year).
 
 Three rules for the variance:
 

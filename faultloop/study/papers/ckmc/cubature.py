@@ -1,4 +1,9 @@
-"""Cubature Kalman filter (Arasaratnam, Haykin 2009) and its two correntropy relatives (seed paper 003).
+"""Cubature Kalman filter and its two correntropy relatives.
+
+CKF: Arasaratnam, Haykin, "Cubature Kalman filters", IEEE Transactions on Automatic Control 54 (6), 2009.
+MCC: Chen, Liu, Zhao, Principe, "Maximum correntropy Kalman filter", Automatica 76, 2017.  CKMC-CKF: Zhao
+Zhilei, Huang Jidong, Wang Yi, Yang Zhiwei, "Dynamic state estimation of generators based on CKMC-CKF under
+non-Gaussian noise", Guangdong Electric Power, 2024 (3): seed paper 003, whose equations are numbered here.
 
 The cubature filter is the unscented one with alpha = 1, beta = kappa = 0, whose centre has no weight. 2 n
 points, each of weight 1 / 2n:
@@ -12,7 +17,7 @@ A filter is one ``Cubature``, a prediction and a correction:
     observe(f, measure, u, p, z)     the innovation and its covariances     (24-26)
     correct_ckf(f) | correct_mcc(f) | correct_ckmc(f)
 
-**MCC-CKF** (Chen, Liu, Zhao, Principe 2017) and **CKMC-CKF** differ in the correction.  The measurement is
+**MCC-CKF** and **CKMC-CKF** differ in the correction.  The measurement is
 linearised statistically, z = zhat + H (x - xhat) with H = Pxz' P^-1 (28); prediction and measurement are one
 regression, whose rows the Cholesky factors Bp of P and Br of R make white (29-31).  Instead of the sum of the
 squared errors, that of a kernel of each error is maximised (32).  Its derivative at zero (35) weights every

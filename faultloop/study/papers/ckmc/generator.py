@@ -1,4 +1,7 @@
-"""A user's own generator tracked from a record of its terminals (the filters of seed paper 003).
+"""A user's own generator tracked from a record of its terminals.
+
+The filters are those of Zhao Zhilei, Huang Jidong, Wang Yi, Yang Zhiwei, "Dynamic state estimation of
+generators based on CKMC-CKF under non-Gaussian noise", Guangdong Electric Power, 2024 (3): seed paper 003.
 
 from faultloop.study.own_data import read_series
 from faultloop.study.papers.ckmc.cases import ckmc
@@ -86,7 +89,8 @@ def track_generator(
     start : (4,) first state; not given, the measured angle and speed, and the electromotive forces that go
         with the first frame's voltage and current.
 
-    Raises InputError for a column that is missing or not a number, and as `Generator.parameters`.
+    Raises InputError for a column that is missing or not a number, for q, r or start of another shape, and as
+    `Generator.parameters` and `cubature_filter`.
     """
     u = np.column_stack([series.column(name) for name in INPUTS])
     z = np.ascontiguousarray(np.column_stack([series.column(name) for name in MEASURED]))
@@ -94,15 +98,24 @@ def track_generator(
         bad = ~np.isfinite(table).all(axis=0)
         if bad.any():
             raise InputError(f"'{names[int(np.argmax(bad))]}' is not a number somewhere", file=series.file)
+    q, r = (_four(name, given) for name, given in (("q", q), ("r", r)))
+    start = None if start is None else _four("start", start)
     parameters = generator.parameters(1.0 / series.sampling_hz)
     inputs = np.hstack([np.vstack([u[:1], u[:-1]]), u, u])
-    first = initial_state(z[0], u[0], parameters) if start is None else np.asarray(start, dtype=np.float64)
+    first = initial_state(z[0], u[0], parameters) if start is None else start
     state = cubature.cubature_filter(first, P0 * np.eye(4), np.diag(q), np.diag(r), by.bandwidth)
-    told = np.broadcast_to(np.asarray(r, dtype=np.float64), z.shape).copy()
+    told = np.broadcast_to(r, z.shape).copy()
     out = np.empty_like(z)
     transition, measure = (cubature.as_model(f) for f in (machine.transition, machine.measurement))
     cubature.track(transition, measure, by.correct, state, cubature.Series(inputs, z, told, parameters), out)
     return out
+
+
+def _four(name: str, given: object) -> Array:
+    values = np.asarray(given, dtype=np.float64)
+    if values.shape != (4,) or not np.isfinite(values).all():
+        raise InputError("should be four numbers", key=name)
+    return values
 
 
 def initial_state(z: Array, u: Array, parameters: Array) -> Array:

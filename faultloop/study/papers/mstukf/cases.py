@@ -1,5 +1,8 @@
 """The cases of seed paper 001: waveforms, filters, and what is measured (its sections 4.1 to 4.3).
 
+Wang Yi, Liu Heng and others, "Transient voltage disturbance detection based on modified strong tracking UKF",
+Power System Protection and Control, 2017, doi 10.7667/PSPC161472.
+
 Samples are counted from one, as in the paper: sample k is taken at k / 6400 s.
 
 What the paper leaves open, and what is taken here:

@@ -1,5 +1,9 @@
 """The filter of seed paper 002 as it is written: one channel, covariance form, t put back to zero.
 
+Wu Zhili, Zhao Qingsheng, Chen Huiying, Han Xiaoqing, Guo Hehong, "Research on a synchrophasor measurement
+algorithm based on Kalman filtering at low sampling frequency" (Chinese), Power System Protection and Control,
+2014 (15), pp. 94-99.
+
 Equations 5, 7, 8 and 16 to 20 with the states of `faultloop.relay.estimators.methods.taylor_kalman`; t is in
 windows, R = 1 V^2, and Q = q I, which the paper leaves open.  What becomes of the estimate and its covariance
 at a window's end is a function, and so is the start:

@@ -24,7 +24,11 @@ FILES = {
         *("xd_pu", "xq_pu", "xd1_pu", "xq1_pu"),
     ),
 }
-POSITIVE = {"generators.csv": ("td0_s", "tq0_s", "h_s", "xd_pu", "xq_pu", "xd1_pu", "xq1_pu")}
+POSITIVE = {
+    "buses.csv": ("vm_pu",),
+    "branches.csv": ("tap_ratio",),
+    "generators.csv": ("td0_s", "tq0_s", "h_s", "xd_pu", "xq_pu", "xd1_pu", "xq1_pu"),
+}
 OPTIONAL = {"tap_ratio": 1.0}
 
 
@@ -69,8 +73,8 @@ class System:
 def read_system(folder: Path, frequency_hz: float = 60.0) -> System:
     """Read ``buses.csv``, ``branches.csv`` and ``generators.csv`` (their columns: ``FILES``).
 
-    Raises InputError for a missing file or column, a cell that is no number, an unknown bus, a branch without
-    reactance, or a machine's constant that is not positive.
+    Raises InputError for a missing or unreadable file, a missing column, a cell that is no number, an unknown
+    bus, a branch without reactance, or a voltage, tap or machine's constant that is not positive.
     """
     buses, branches, machines = (_read(folder / name, columns) for name, columns in FILES.items())
     numbers = tuple(int(n) for n in buses["bus"])
@@ -106,14 +110,17 @@ def read_system(folder: Path, frequency_hz: float = 60.0) -> System:
 def _read(path: Path, columns: tuple[str, ...]) -> dict[str, Array]:
     if not path.is_file():
         raise InputError(f"no such file; the system's folder needs {', '.join(FILES)}", file=path)
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot be read as CSV: {error}", file=path) from error
     if not rows or any(c not in rows[0] for c in columns):
         raise InputError(f"needs rows with the columns {', '.join(columns)}", file=path)
     table = {c: np.array([_number(row[c], path, c, n) for n, row in enumerate(rows, 2)]) for c in columns}
     for key in POSITIVE.get(path.name, ()):
         if not np.all(table[key] > 0):
-            raise InputError("should be positive for every machine", file=path, key=key)
+            raise InputError("should be positive in every row", file=path, key=key)
     return table
 
 

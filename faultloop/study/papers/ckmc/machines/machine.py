@@ -1,4 +1,6 @@
-"""The fourth-order (two-axis) synchronous machine (seed paper 003, eq. 2-9; Sauer, Pai 1998, ch. 6).
+"""The fourth-order (two-axis) synchronous machine: Zhao Zhilei, Huang Jidong, Wang Yi, Yang Zhiwei, "Dynamic
+state estimation of generators based on CKMC-CKF under non-Gaussian noise", Guangdong Electric Power, 2024 (3)
+(seed paper 003), eq. 2-9; Sauer, Pai, "Power System Dynamics and Stability", 1998, ch. 6.
 
 State of one machine, ``x = (delta, omega, eq, ed)``: rotor angle against a frame that turns at the nominal
 speed [rad], deviation from the nominal speed [rad/s, electrical], transient electromotive forces [pu].
