@@ -35,11 +35,11 @@ from faultloop.errors import InputError
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.dbc import database
 from faultloop.io.can.frames import Frame, Measurements, Message, Page, SampledValues, State, decode
-from faultloop.io.can.goose import Publisher, Subscriber
 from faultloop.io.can.length import wire_length
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import Transport, from_message, open_bus, to_message
 from faultloop.loop.scenario import load_scenario
+from faultloop.nodes.goose import Publisher, Subscriber
 
 ROOT = Path(__file__).resolve().parents[1]
 AG = ROOT / "scenarios" / "ag-zone1.toml"

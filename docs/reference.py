@@ -64,7 +64,7 @@ MODULES: dict[str, dict[str, str]] = {
     },
     "io: CAN": {
         "faultloop.io.can.frames": "Frame State SampledValues Measurements Heartbeat decode",
-        "faultloop.io.can.goose": "Publisher Subscriber",
+        "faultloop.nodes.goose": "Publisher Subscriber",
         "faultloop.io.can.bus": "SimulatedBus",
         "faultloop.io.can.transport": "Transport open_transport open_bus",
         "faultloop.io.can.confinement": "Controller ErrorSource",

@@ -12,9 +12,9 @@ import time
 import can
 
 from faultloop.io.can.frames import State, decode
-from faultloop.io.can.goose import Publisher, Subscriber
 from faultloop.io.can.table import TICK_NS, Kind
 from faultloop.io.can.transport import from_message, to_message
+from faultloop.nodes.goose import Publisher, Subscriber
 
 
 class Breaker:

@@ -2,8 +2,8 @@
 
 numba's file cache keys on the file that holds a function, so a caller keeps the stale machine code of a
 callee that changed in another file (numba issue 1833).  The cache directory is therefore keyed by a digest
-of the kernel-bearing sources that a kernel may call: ``plant`` and ``relay`` share no code, so each has a
-digest of its own; every other subpackage may call any kernel, so its digest covers the whole package.
+of the kernel-bearing sources that a kernel may call (`CALLS`): ``plant`` and ``relay`` share no code, so each
+has a digest of its own; the loop's covers the whole package.
 ``fastmath`` stays off: a trip decision must be the same bits everywhere.
 
 Without a place to keep machine code (no home, a read-only one) a folder of this user's in the temporary one
@@ -30,16 +30,16 @@ from numba.core.caching import FunctionCache
 
 config: Any = numba_config
 PACKAGE = Path(__file__).parent
-CLOSED = ("plant", "relay")
-"""Subpackages whose kernels call only each other."""
+CALLS = {"plant": ("plant",), "relay": ("relay",), "io": ("io",), "nodes": ("nodes", "io")}
+"""Subpackages whose kernels those of a subpackage may call; those of any other may call all."""
 
 
 @cache
 def source_digest(area: str) -> str:
     """Hex digest of the sources whose kernels those of ``faultloop/<area>`` may call, and of this file."""
     digest = hashlib.sha256(Path(__file__).read_bytes())
-    covered = PACKAGE / area if area in CLOSED else PACKAGE
-    for path in sorted(covered.rglob("*.py")):
+    covered = [PACKAGE / name for name in CALLS.get(area, ("",))]
+    for path in sorted(path for folder in covered for path in folder.rglob("*.py")):
         source = path.read_bytes()
         if b"njit" in source:
             digest.update(path.relative_to(PACKAGE).as_posix().encode())

@@ -14,8 +14,8 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from faultloop.io.can.monitor import BusMonitor
     from faultloop.live.link import Link
+    from faultloop.nodes.monitor import BusMonitor
 
 LAP_S = 0.25
 
@@ -40,7 +40,7 @@ def command(
 
     from faultloop.cli.output import console, print_json, screen
     from faultloop.io.can.dbc import load_dbc
-    from faultloop.io.can.monitor import BusMonitor
+    from faultloop.nodes.monitor import BusMonitor
 
     monitor = BusMonitor(bitrate, data_bitrate, None if dbc is None else load_dbc(dbc), pace)
     with closing(_link(can)) as link, _until_stopped():
@@ -105,7 +105,7 @@ def _watch(monitor: BusMonitor, link: Link, end_ns: int | None, show: Callable[[
 
 def _table(monitor: BusMonitor, link: Link) -> Group:
     from faultloop.cli.output import table
-    from faultloop.io.can.monitor import state_of
+    from faultloop.nodes.monitor import state_of
 
     now_ns = time.monotonic_ns()
     rows = [
@@ -129,7 +129,7 @@ def _table(monitor: BusMonitor, link: Link) -> Group:
 
 
 def _as_dict(monitor: BusMonitor, link: Link) -> dict[str, Any]:
-    from faultloop.io.can.monitor import lost, rejections, state_of
+    from faultloop.nodes.monitor import lost, rejections, state_of
 
     return {
         "frames": monitor.frames,

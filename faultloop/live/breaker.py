@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
@@ -12,6 +12,8 @@ from faultloop.loop.outcome import pole_names
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes import FOREVER, Command, breaker_node
+from faultloop.plant.elements.switch import Action
+from faultloop.plant.mechanism import Pending, commanded
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:
@@ -19,16 +21,6 @@ def identifiers(scenario: Scenario, number: int) -> list[int]:
     name = scenario.breaker[number].name
     relays = [i for i, place in enumerate(scenario.relay) if place.breaker == name]
     return [kind + i for kind in (Kind.TRIP, Kind.CLOSE) for i in relays]
-
-
-class Motion(NamedTuple):
-    """Contacts under way."""
-
-    at_ns: int
-    operation: str
-    poles: int
-    planned: bool = False
-    """By the scenario; no command takes it back."""
 
 
 class BreakerProcess:
@@ -48,7 +40,7 @@ class BreakerProcess:
         self.scenario = scenario
         self.closed = (7 if self.breaker.closed else 0) if closed is None else closed
         self.node = breaker_node(scenario, number, self.closed, self._report)
-        self._motions: list[Motion] = []
+        self._motions: Pending = ()
         self._recorder = Recorder([])
         self._end_ns = round(scenario.scenario.duration_s * 1e9)
 
@@ -58,19 +50,22 @@ class BreakerProcess:
         started = clock.started(self.scenario)
         self.node = breaker_node(started, self._number, self.closed, self._report, start_ns=start_ns)
         own = [s for s in self.scenario.switching if s.breaker == self.name]
-        planned = [Motion(round(s.at_s * 1e9), s.operation, s.mask, True) for s in own]
-        self._motions = [motion for motion in planned if motion.at_ns >= start_ns]
+        planned = [self._motion(round(s.at_s * 1e9), s.operation, s.mask, planned=True) for s in own]
+        self._motions = tuple(motion for motion in planned if motion.step >= start_ns)
+
+    def _motion(self, at_ns: int, operation: str, poles: int, *, planned: bool = False) -> Action:
+        return Action(at_ns, "part" if operation == "open" else "make", self._number, poles, planned)
 
     @property
     def next_ns(self) -> int:
-        return min(self.node.next_ns, min((motion.at_ns for motion in self._motions), default=FOREVER))
+        return min(self.node.next_ns, min((motion.step for motion in self._motions), default=FOREVER))
 
     def poll(self, t_ns: int) -> list[Frame]:
-        due = sorted(motion for motion in self._motions if motion.at_ns <= t_ns)
-        self._motions = [motion for motion in self._motions if motion.at_ns > t_ns]
+        due = sorted(motion for motion in self._motions if motion.step <= t_ns)
+        self._motions = tuple(motion for motion in self._motions if motion.step > t_ns)
         for motion in due:
-            opens = motion.operation == "open"
-            self.closed = self.closed & ~motion.poles if opens else self.closed | motion.poles
+            parts = motion.kind == "part"
+            self.closed = self.closed & ~motion.mask if parts else self.closed | motion.mask
             self.node.set(t_ns, self.closed)
         return self.node.poll(t_ns)
 
@@ -83,12 +78,8 @@ class BreakerProcess:
     def _obey(self, command: Command) -> None:
         opens = command.operation == "open"
         delay_ms = self.breaker.operate_ms if opens else self.breaker.close_ms
-        if opens:  # an open cancels a close that has not come to its end, as in the plant
-            self._motions = [
-                m._replace(poles=m.poles & ~command.poles) if m.operation == "close" and not m.planned else m
-                for m in self._motions
-            ]
-        self._motions.append(Motion(command.t_ns + round(delay_ms * 1e6), command.operation, command.poles))
+        at_ns = command.t_ns + round(delay_ms * 1e6)
+        self._motions = commanded(self._motions, self._motion(at_ns, command.operation, command.poles))
         relay = self.scenario.relay[command.relay].name
         self._recorder.breaker(self.name, command.t_ns, self.closed, command.operation, relay)
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"

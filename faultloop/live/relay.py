@@ -30,7 +30,7 @@ def identifiers(scenario: Scenario, number: int) -> list[int]:
     """What a relay listens to: its samples, its breaker's position, pilot signals of its partners."""
     node = relay_node(scenario, number)
     breaker = [] if node.breaker is None else [Kind.BREAKER_STATUS + node.breaker]
-    return [Kind.SAMPLED_VALUES + number, *breaker, *(Kind.PILOT + i for i in node.pilots)]
+    return [Kind.SAMPLED_VALUES + number, *breaker, *(Kind.PILOT + i for i in node.partners)]
 
 
 class RelayProcess:

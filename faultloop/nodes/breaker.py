@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from faultloop.io.can.authentication import PLAIN, Seal
-from faultloop.io.can.frames import Frame, Heartbeat, Rejection, State, decode, ticks
-from faultloop.io.can.goose import Publisher, Repetition, Subscriber
-from faultloop.io.can.table import BY_IDENTIFIER, OPERATIONAL, RELAYS, Alarm, Kind
-from faultloop.nodes.clock import Cyclic
-from faultloop.nodes.refusals import Refusals, Report
+from faultloop.io.can.frames import Frame
+from faultloop.io.can.table import RELAYS, Kind
+from faultloop.nodes.goose import Publisher, Repetition, Subscriber, set_state
+from faultloop.nodes.node import Node
+from faultloop.nodes.refusals import Report
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +23,15 @@ class Command:
     poles: int
     relay: int
 
+    @classmethod
+    def of(cls, t_ns: int, message: Any) -> Command | None:
+        """In a ``MESSAGE`` that was accepted at `t_ns`; None where it commands nothing."""
+        poles = int(message["poles"])
+        operation: Literal["open", "close"] = "open" if message["kind"] == Kind.TRIP else "close"
+        return cls(t_ns, operation, poles, int(message["number"])) if poles else None
 
-class BreakerNode:
+
+class BreakerNode(Node):
     """A breaker's side of the bus: acts on trip and close frames of its relays, publishes its position.
 
     Parameters
@@ -52,50 +58,26 @@ class BreakerNode:
         confirmations: int = 1,
     ) -> None:
         repetition = Repetition(heartbeat_ns=round(heartbeat_s * 1e9))
-        self.number = number
-        self.status = Publisher(
-            Kind.BREAKER_STATUS, number, poles=closed, start_ns=start_ns, repetition=repetition
-        )
-        self.commands = {
-            kind + relay: Subscriber(repetition, start_ns=start_ns, confirmations=confirmations)
+        status = Publisher(Kind.BREAKER_STATUS, number, closed, start_ns, repetition)
+        commands = [
+            Subscriber(repetition, start_ns=start_ns, confirmations=confirmations, kind=kind, number=relay)
             for relay in relays
             for kind in (Kind.TRIP, Kind.CLOSE)
-        }
-        self._seal = seal
-        self._heartbeat = Cyclic.since(start_ns, 1 / heartbeat_s)
-        self._refusals = Refusals(report)
-
-    @property
-    def rejected(self) -> Counter[Rejection]:
-        """Frames refused, by cause."""
-        return self._refusals.causes
-
-    @property
-    def next_ns(self) -> int:
-        """When `poll` has something to send."""
-        return min(self.status.next_ns, self._heartbeat.next_ns)
+        ]
+        super().__init__(
+            RELAYS + number,
+            [status],
+            commands,
+            len(commands),
+            report,
+            heartbeat_s=heartbeat_s,
+            seal=seal,
+            start_ns=start_ns,
+        )
 
     def set(self, t_ns: int, closed: int) -> None:
         """Its position from `t_ns` on."""
-        self.status.set(closed, t_ns)
-
-    def poll(self, t_ns: int) -> list[Frame]:
-        """The frames that are due."""
-        frames = []
-        if (frame := self.status.poll(t_ns)) is not None:
-            frames.append(self._seal.close(t_ns, frame))
-        if self._heartbeat.poll(t_ns):
-            frames.append(self._beat(t_ns))
-        return frames
-
-    def _beat(self, t_ns: int) -> Frame:
-        for subscriber in self.commands.values():
-            subscriber.supervise(t_ns)
-        alarms = Alarm.SILENT if any(s.alarm for s in self.commands.values()) else Alarm(0)
-        if self._refusals.beat(t_ns):
-            alarms |= Alarm.REJECTED
-        node = RELAYS + self.number
-        return Heartbeat(node, OPERATIONAL, alarms, self._refusals.total, ticks(t_ns)).encode()
+        set_state(self.publisher(0), closed, t_ns)
 
     def receive(self, t_ns: int, frame: Frame) -> Command | None:
         """Take a frame; the command in it, once for each state, or None.
@@ -103,26 +85,5 @@ class BreakerNode:
         A frame that is for somebody else is passed over; one that is for it and fails any check, or whose
         identifier is nobody's, is refused and counted.
         """
-        subscriber = self.commands.get(frame.id)
-        if subscriber is None:
-            if frame.id not in BY_IDENTIFIER:
-                self._refusals.add(t_ns, frame, Rejection.UNKNOWN_ID)
-            return None
-        taken = self._taken(t_ns, frame, subscriber)
-        if isinstance(taken, Rejection):
-            self._refusals.add(t_ns, frame, taken)
-            return None
-        if taken is None or not taken.poles:
-            return None
-        return Command(t_ns, "open" if taken.kind == Kind.TRIP else "close", taken.poles, taken.number)
-
-    def _taken(self, t_ns: int, frame: Frame, subscriber: Subscriber) -> State | Rejection | None:
-        """The new state in a frame; None for a repetition; or why it is refused."""
-        opened = self._seal.open(t_ns, frame)
-        message = opened if isinstance(opened, Rejection) else decode(opened)
-        if not isinstance(message, State):
-            return message if isinstance(message, Rejection) else Rejection.FORMAT
-        answer = subscriber.receive(message, t_ns)
-        if isinstance(answer, Rejection):
-            return answer
-        return message if answer else None
+        message = self.take(t_ns, frame)
+        return None if message is None else Command.of(t_ns, message)

@@ -7,6 +7,9 @@ from typing import Any, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.io.can.record import Record
+from faultloop.jit import njit
+
 FOREVER = np.iinfo(np.int64).max
 SECOND_NS = 1_000_000_000
 
@@ -32,28 +35,47 @@ class SampleClock(NamedTuple):
         return k
 
 
+CYCLIC = np.dtype([("rate_hz", "f8"), ("count", "i8"), ("next_ns", "i8")])
+
+
+@njit
+def tick(c: Record, t_ns: int) -> bool:
+    """Is a ``CYCLIC`` due at ``t_ns``?  Then the next is due at ``next_ns``, a multiple of the interval that
+    is counted from zero, so that no rounding adds up; a rate of 0 is never due."""
+    if t_ns < c.next_ns:
+        return False
+    c.count += 1
+    c.next_ns = due_ns(c)
+    return True
+
+
+@njit
+def due_ns(c: Record) -> int:
+    """When number ``count`` is due [ns]."""
+    return np.int64(np.rint(c.count * 1e9 / c.rate_hz)) if c.rate_hz > 0 else np.int64(FOREVER)
+
+
 class Cyclic:
-    """Due at every multiple of an interval, counted from zero so that no rounding adds up."""
+    """Due at every multiple of an interval.
 
-    def __init__(self, rate_hz: float, first: int = 0) -> None:
-        self.rate_hz = rate_hz
-        self.count = first
-        self.next_ns = self._due()
+    Parameters
+    ----------
+    start_ns : the first is not before this.
+    record : a view of one ``CYCLIC``, shape (1,), to be used; a new one where not given.
+    """
 
-    @classmethod
-    def since(cls, start_ns: int, rate_hz: float) -> Cyclic:
-        """Due at the multiples from `start_ns` on."""
-        cyclic = cls(rate_hz, first=max(0, int(start_ns * rate_hz / 1e9)))
-        while cyclic.next_ns < start_ns:
-            cyclic.poll(start_ns)
-        return cyclic
+    def __init__(self, rate_hz: float, start_ns: int = 0, *, record: Any = None) -> None:
+        self.record = np.zeros(1, CYCLIC) if record is None else record
+        self.record[0] = (rate_hz, max(0, int(start_ns * rate_hz / 1e9)), 0)
+        self.record["next_ns"] = due_ns(self.record[0])
+        while self.next_ns < start_ns:
+            self.poll(start_ns)
 
-    def _due(self) -> int:
-        return round(self.count * 1e9 / self.rate_hz) if self.rate_hz > 0 else FOREVER
+    @property
+    def next_ns(self) -> int:
+        """When it is due next."""
+        return int(self.record["next_ns"][0])
 
     def poll(self, t_ns: int) -> bool:
-        if t_ns < self.next_ns:
-            return False
-        self.count += 1
-        self.next_ns = self._due()
-        return True
+        """Is it due?  Once for each time."""
+        return tick(self.record[0], t_ns)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 from faultloop.io.can.authentication import PLAIN, Seal
-from faultloop.io.can.frames import Frame, Rejection, State, decode
-from faultloop.io.can.goose import Repetition, Subscriber
+from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
-from faultloop.nodes.refusals import Refusals, Report
+from faultloop.nodes.goose import Repetition, Subscriber
+from faultloop.nodes.node import Node
+from faultloop.nodes.refusals import Report
 from faultloop.nodes.tables import BusTables
 
 
@@ -19,7 +20,7 @@ class Movement(NamedTuple):
     poles: int
 
 
-class BreakerFollower:
+class BreakerFollower(Node):
     """Turns the accepted states of one breaker's BREAKER_STATUS into what its poles did.
 
     Parameters
@@ -42,27 +43,25 @@ class BreakerFollower:
         start_ns: int = 0,
         confirmations: int = 1,
     ) -> None:
-        self.identifier = Kind.BREAKER_STATUS + number
-        self.closed = closed
         repetition = Repetition(heartbeat_ns=round(heartbeat_s * 1e9))
-        self.status = Subscriber(repetition, start_ns=start_ns, confirmations=confirmations)
-        self._seal = seal
-        self._refusals = Refusals(report)
+        status = Subscriber(
+            repetition,
+            start_ns=start_ns,
+            confirmations=confirmations,
+            kind=Kind.BREAKER_STATUS,
+            number=number,
+        )
+        super().__init__(number, [], [status], 0, report, seal=seal, start_ns=start_ns, strict=False)
+        self.closed = closed
 
     def receive(self, t_ns: int, frame: Frame) -> list[Movement]:
         """Take a frame; what the poles did, once for each state."""
-        if frame.id != self.identifier:
+        message = self.take(t_ns, frame)
+        if message is None:
             return []
-        opened = self._seal.open(t_ns, frame)
-        message = opened if isinstance(opened, Rejection) else decode(opened)
-        taken = self.status.receive(message, t_ns) if isinstance(message, State) else message
-        if isinstance(taken, Rejection):
-            self._refusals.add(t_ns, frame, taken)
-        if taken is not True or not isinstance(message, State):
-            return []
-        moved = self.closed ^ message.poles
-        self.closed = message.poles
-        both = (Movement("open", moved & ~message.poles), Movement("close", moved & message.poles))
+        poles = int(message["poles"])
+        moved, self.closed = self.closed ^ poles, poles
+        both = (Movement("open", moved & ~poles), Movement("close", moved & poles))
         return [movement for movement in both if movement.poles]
 
 

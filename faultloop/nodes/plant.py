@@ -54,7 +54,7 @@ class PlantNode:
         self._fault_numbers = [numbers[fault.name] for fault in self.plant.tables.all(Fault)]
         self._report = report
         self.attend(scenario, begins_ns)
-        self._heartbeat = Cyclic.since(begins_ns, 1 / scenario.can.heartbeat_s)
+        self._heartbeat = Cyclic(1 / scenario.can.heartbeat_s, begins_ns)
 
     def attend(self, scenario: BusTables, start_ns: int) -> None:
         """Follow the breakers from run time `start_ns` on; the seal is that of `scenario`."""

@@ -32,7 +32,6 @@ class Refusals:
         self._report = report
         self._told_ns: dict[tuple[Rejection, int | None], int] = {}
         self._untold: Counter[tuple[Rejection, int | None]] = Counter()
-        self._beat = 0
 
     @property
     def total(self) -> int:
@@ -52,12 +51,10 @@ class Refusals:
         if t_ns - told_ns >= QUIET_NS:
             self._tell(t_ns, key)
 
-    def beat(self, t_ns: int) -> bool:
-        """With each heartbeat: tells what is due; True where a frame was refused since the last."""
+    def beat(self, t_ns: int) -> None:
+        """With each heartbeat: tells what is due."""
         for key in [key for key in self._untold if t_ns - self._told_ns[key] >= QUIET_NS]:
             self._tell(t_ns, key)
-        before, self._beat = self._beat, self.total
-        return self._beat > before
 
     def _tell(self, t_ns: int, key: tuple[Rejection, int | None]) -> None:
         cause, identifier = key

@@ -25,6 +25,7 @@ from faultloop.plant.frontend import (
 )
 from faultloop.plant.kernel import PENDING, ROW, STEP, STOP, Watch
 from faultloop.plant.line import Line
+from faultloop.plant.mechanism import commanded
 from faultloop.plant.network import Model
 from faultloop.plant.probe import Probe
 from faultloop.plant.state import State, fill, new_state, renew_switch_currents
@@ -183,15 +184,8 @@ class Plant:
         switch, settings = self._switch_of(breaker), self._breakers[breaker]
         delay = settings.operate_ms if action == "open" else settings.close_ms
         step = max(self._step_at(t_ns + round(delay * 1e6)), int(self._watch.clock[STEP]))
-        if action == "open":
-            for other in self._actions:
-                if other.switch == switch and other.kind == "part" and other.step <= step:
-                    poles_mask &= ~other.mask
-            self._actions = tuple(_without(a, switch, poles_mask) for a in self._actions)
-            self._actions = tuple(a for a in self._actions if a.mask)
-        if poles_mask:
-            kind = "part" if action == "open" else "make"
-            self._actions = (*self._actions, Action(step, kind, switch, poles_mask))
+        kind = "part" if action == "open" else "make"
+        self._actions = commanded(self._actions, Action(step, kind, switch, poles_mask))
 
     def closed(self, breaker: str) -> int:
         """Mask of the breaker's conducting poles, now."""
@@ -314,13 +308,6 @@ class Plant:
 def _numbered(kinds: list[Kind]) -> list[tuple[Kind, int]]:
     """Each with its place among those of its kind."""
     return [(kind, kinds[:i].count(kind)) for i, kind in enumerate(kinds)]
-
-
-def _without(action: Action, switch: int, mask: int) -> Action:
-    """A pending close less the poles that are now to open."""
-    if action.switch == switch and action.kind == "make" and not action.planned:
-        return action._replace(mask=action.mask & ~mask)
-    return action
 
 
 def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], State]:

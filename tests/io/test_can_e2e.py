@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from faultloop.io.can.e2e import P01_COUNTERS
 from faultloop.io.can.frames import Frame, Rejection, SampledValues, State, decode
-from faultloop.io.can.goose import Publisher
 from faultloop.io.can.table import Kind
+from faultloop.nodes.goose import Publisher
 
 reproducible = settings(derandomize=True, deadline=None)
 STATE_IDENTIFIERS = st.sampled_from(
@@ -58,7 +58,9 @@ def test_a_publishers_counters_are_those_of_profile_1() -> None:
         frame = publisher.poll(publisher.next_ns)
         assert frame is not None
         theirs[2:] = frame.data[2:]
-        if publisher._sq_num > 1:  # theirs counts on before it sends: the first is where ours begins
+        if (
+            publisher.record["sq_num"][0] > 1
+        ):  # theirs counts on before it sends: the first is where ours begins
             p01.e2e_p01_protect(theirs, frame.id)
         else:
             p01.e2e_p01_protect(theirs, frame.id, increment_counter=False)

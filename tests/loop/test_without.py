@@ -11,10 +11,10 @@ import faultloop
 from faultloop.cli import call
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, State, decode
-from faultloop.io.can.goose import Publisher, Subscriber
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import open_bus, to_message
 from faultloop.loop.scenario import load_scenario
+from faultloop.nodes.goose import Publisher, Subscriber
 
 AG = Path(__file__).resolve().parents[2] / "scenarios" / "ag-zone1.toml"
 START_NS = load_scenario(AG).scenario.start_ns

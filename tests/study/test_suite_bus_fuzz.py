@@ -7,8 +7,8 @@ from itertools import combinations
 import pytest
 
 from faultloop.io.can.frames import Frame, Rejection, State, decode
-from faultloop.io.can.goose import Subscriber
 from faultloop.io.can.table import Kind
+from faultloop.nodes.goose import Subscriber
 from faultloop.study.suites import run_suite
 from faultloop.study.suites.bus.fuzz import ATTACKS, CONFIGURATIONS, fuzz
 from faultloop.study.suites.bus.residual import undetected, undetected_bursts

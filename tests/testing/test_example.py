@@ -12,9 +12,9 @@ import pytest
 
 import faultloop
 from faultloop.io.can.frames import Frame, State, decode
-from faultloop.io.can.goose import Subscriber
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import open_bus
+from faultloop.nodes.goose import Subscriber
 
 
 @pytest.fixture(scope="module")

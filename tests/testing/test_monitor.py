@@ -12,9 +12,9 @@ from faultloop.io.can.authentication import CmacSeal
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.dbc import DBC_PATH, load_dbc, sender_name
 from faultloop.io.can.frames import Frame, Heartbeat, Measurements, Page, Rejection, SampledValues, State
-from faultloop.io.can.goose import Publisher
-from faultloop.io.can.monitor import BusMonitor, lost, rejections, state_of
 from faultloop.io.can.table import OPERATIONAL, Kind
+from faultloop.nodes.goose import Publisher
+from faultloop.nodes.monitor import BusMonitor, lost, rejections, state_of
 
 MS = 1_000_000
 DBC = """VERSION ""

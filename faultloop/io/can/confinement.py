@@ -17,10 +17,13 @@ Receivers that are all error-passive are taken to need as long as active ones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from faultloop.io.can.frames import Frame
+from faultloop.io.can.record import Record, Records
+from faultloop.jit import njit
 
 ERROR_PASSIVE = 127
 BUS_OFF = 255
@@ -28,6 +31,23 @@ DELIMITER = 8
 SUSPEND = 8
 RECOVERY = 128
 RECESSIVE = 11
+
+ACTIVE, PASSIVE, OFF = range(3)
+STATES = ("error-active", "error-passive", "bus-off")
+"""As the standard names them."""
+IN_SERVICE = -1
+
+CONTROLLER = np.dtype(
+    [
+        ("sender", "i8"),  # number of the node
+        ("bit_ns", "i8"),
+        ("tec", "i8"),
+        ("rec", "i8"),
+        ("ready_ns", "i8"),  # may not send before: suspended, or recovering on a bus that stays idle
+        ("sequences", "i8"),  # of 11 recessive bits, still to be seen; IN_SERVICE: it is not bus-off
+    ]
+)
+"""Fault confinement of one node."""
 
 
 class ErrorSource(Protocol):
@@ -46,73 +66,116 @@ class StateChange(NamedTuple):
 
     t_ns: int
     sender: object
-    state: str  # "error-active", "error-passive", "bus-off"
+    state: str
+    """One of `STATES`."""
 
 
-@dataclass(slots=True)
+@njit
+def state_of(c: Record) -> int:
+    """ACTIVE, PASSIVE or OFF."""
+    if c.sequences != IN_SERVICE:
+        return OFF
+    return PASSIVE if max(c.tec, c.rec) > ERROR_PASSIVE else ACTIVE
+
+
+@njit
+def is_off(c: Record, t_ns: int) -> bool:
+    """Is it bus-off at ``t_ns``, if the bus stays idle from now on?"""
+    return c.sequences != IN_SERVICE and t_ns < c.ready_ns
+
+
+@njit
+def heard_error(c: Record) -> None:
+    """Somebody else's frame was cut."""
+    if c.sequences == IN_SERVICE:
+        c.rec += 1
+
+
+@njit
+def heard_frame(c: Record) -> None:
+    """Somebody else's frame went through.  The standard leaves the value after 128 and more open."""
+    c.rec = max(min(c.rec, ERROR_PASSIVE + 1) - 1, 0)
+
+
+@njit
+def failed(c: Record, delimiter_ns: int, idle_ns: int) -> None:
+    """Its frame was cut; the delimiter begins at ``delimiter_ns``, the bus is idle from ``idle_ns`` on."""
+    c.tec += 8
+    if c.tec > BUS_OFF:
+        c.sequences = RECOVERY
+        c.ready_ns = delimiter_ns + RECOVERY * RECESSIVE * c.bit_ns
+    else:
+        _suspend(c, idle_ns)
+
+
+@njit
+def succeeded(c: Record, idle_ns: int) -> None:
+    """Its frame went through."""
+    c.tec = max(c.tec - 1, 0)
+    _suspend(c, idle_ns)
+
+
+@njit
+def _suspend(c: Record, idle_ns: int) -> None:
+    c.ready_ns = idle_ns + (SUSPEND * c.bit_ns if state_of(c) == PASSIVE else 0)
+
+
+@njit
+def other_begins(c: Record, t_ns: int) -> None:
+    """Somebody's frame begins: a run of recessive bits ends, and the wait goes on with the next one."""
+    if c.sequences != IN_SERVICE:
+        c.sequences = -((t_ns - c.ready_ns) // (RECESSIVE * c.bit_ns))
+
+
+@njit
+def run_begins(c: Record, t_ns: int) -> None:
+    """The bus is recessive from ``t_ns`` on, as far as is known."""
+    if c.sequences != IN_SERVICE:
+        c.ready_ns = t_ns + c.sequences * RECESSIVE * c.bit_ns
+
+
+@njit
+def recovered(c: Record) -> None:
+    """The last sequence was seen: it begins anew."""
+    c.tec = 0
+    c.rec = 0
+    c.sequences = IN_SERVICE
+
+
 class Controller:
-    """Fault confinement of one node; times [ns]."""
+    """Fault confinement of one node; times [ns].
 
-    bit_ns: int
-    tec: int = 0
-    rec: int = 0
-    ready_ns: int = 0
-    """It may not send before: suspend transmission, or the recovery from bus-off on a bus that stays idle."""
-    sequences: int | None = None
-    """Of 11 recessive bits, still to be seen; None: it is not bus-off."""
+    Parameters
+    ----------
+    bit_ns : of a nominal bit.
+    record : a view of one ``CONTROLLER``, shape (1,); a new one where not given.
+    """
+
+    def __init__(self, bit_ns: int = 0, record: Records | None = None) -> None:
+        if record is None:
+            record = np.zeros(1, CONTROLLER)
+            record["bit_ns"], record["sequences"] = bit_ns, IN_SERVICE
+        self.record = record
+
+    @property
+    def tec(self) -> int:
+        """Transmit error counter."""
+        return int(self.record["tec"][0])
+
+    @property
+    def rec(self) -> int:
+        """Receive error counter."""
+        return int(self.record["rec"][0])
 
     @property
     def state(self) -> str:
         """As the standard names it."""
-        if self.sequences is not None:
-            return "bus-off"
-        return "error-passive" if max(self.tec, self.rec) > ERROR_PASSIVE else "error-active"
-
-    def off(self, t_ns: int) -> bool:
-        """Is it bus-off at `t_ns`, if the bus stays idle from now on?"""
-        return self.sequences is not None and t_ns < self.ready_ns
+        return STATES[state_of(self.record[0])]
 
     def heard_error(self) -> None:
         """Somebody else's frame was cut."""
-        if self.sequences is None:
-            self.rec += 1
+        heard_error(self.record[0])
 
     def heard_frame(self) -> None:
-        """Somebody else's frame went through.  The standard leaves the value after 128 and more open."""
-        self.rec = max(min(self.rec, ERROR_PASSIVE + 1) - 1, 0)
-
-    def failed(self, delimiter_ns: int, idle_ns: int) -> None:
-        """Its frame was cut; the delimiter begins at `delimiter_ns`, the bus is idle from `idle_ns` on."""
-        self.tec += 8
-        if self.tec > BUS_OFF:
-            self.sequences = RECOVERY
-            self.ready_ns = delimiter_ns + RECOVERY * RECESSIVE * self.bit_ns
-        else:
-            self._suspend(idle_ns)
-
-    def succeeded(self, idle_ns: int) -> None:
-        """Its frame went through."""
-        self.tec = max(self.tec - 1, 0)
-        self._suspend(idle_ns)
-
-    def _suspend(self, idle_ns: int) -> None:
-        self.ready_ns = idle_ns + (SUSPEND * self.bit_ns if self.state == "error-passive" else 0)
-
-    def other_begins(self, t_ns: int) -> None:
-        """Somebody's frame begins: a run of recessive bits ends, and the wait goes on with the next one."""
-        if self.sequences is not None:
-            left_ns = self.ready_ns - t_ns
-            self.sequences = -(-left_ns // (RECESSIVE * self.bit_ns))
-
-    def run_begins(self, t_ns: int) -> None:
-        """The bus is recessive from `t_ns` on, as far as is known."""
-        if self.sequences is not None:
-            self.ready_ns = t_ns + self.sequences * RECESSIVE * self.bit_ns
-
-    def recovered(self) -> None:
-        """The last sequence was seen: it begins anew."""
-        self.tec, self.rec, self.sequences = 0, 0, None
-
-    def copied(self) -> Controller:
-        """An independent copy."""
-        return replace(self)
+        """Somebody else's frame went through."""
+        heard_frame(self.record[0])

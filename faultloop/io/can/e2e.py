@@ -13,28 +13,39 @@ from __future__ import annotations
 
 from binascii import crc_hqx
 
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.jit import njit
+
 P01_COUNTERS = 15  # 15 is the value for "invalid": the counter goes 0 ... 14, 0
 
 
-def _table_of_one_byte(polynomial: int) -> list[int]:
-    table = []
+def _table_of_one_byte(polynomial: int) -> NDArray[np.uint8]:
+    table = np.empty(256, np.uint8)
     for byte in range(256):
         crc = byte
         for _ in range(8):
             crc = (crc << 1) ^ (polynomial if crc & 0x80 else 0)
-        table.append(crc & 0xFF)
+        table[byte] = crc & 0xFF
     return table
 
 
 _STEP = _table_of_one_byte(0x1D)
 
 
+@njit
+def crc8(data_id: int, data: NDArray[np.uint8], length: int) -> int:
+    """CRC of the first ``length`` bytes under profile 1; byte 0, where it goes, is not read."""
+    crc = _STEP[_STEP[data_id & 0xFF] ^ data_id >> 8]
+    for i in range(1, length):
+        crc = _STEP[crc ^ data[i]]
+    return np.int64(crc)
+
+
 def crc8_p01(data_id: int, data: bytes | bytearray) -> int:
     """CRC of a frame under profile 1; byte 0, where it goes, is not read."""
-    crc = _STEP[_STEP[data_id & 0xFF] ^ data_id >> 8]
-    for byte in data[1:]:
-        crc = _STEP[crc ^ byte]
-    return crc
+    return crc8(data_id, np.frombuffer(data, np.uint8), len(data))
 
 
 def crc16_p05(data_id: int, data: bytes | bytearray) -> int:

@@ -1,5 +1,6 @@
-"""Frames to messages and back, with `struct`: the hot path.
+"""Frames to messages and back.
 
+The messages of relays and breakers pass through the kernels of the `port`, sampled values through `struct`.
 The tests hold these codecs against cantools with ``faultloop.dbc``, byte for byte.  `decode` never raises:
 what is not a good frame of ours comes back as a `Rejection`.
 """
@@ -12,8 +13,12 @@ from struct import Struct
 from struct import error as StructError
 from typing import NamedTuple
 
-from faultloop.io.can.e2e import P01_COUNTERS, crc8_p01, crc16_p05
-from faultloop.io.can.table import BY_IDENTIFIER, BY_KIND, CURRENT_LSB, TICK_NS, VOLTAGE_LSB, Kind
+import numpy as np
+
+from faultloop.io.can import port
+from faultloop.io.can.e2e import crc16_p05
+from faultloop.io.can.record import FRAME, MESSAGE, put, taken
+from faultloop.io.can.table import BY_IDENTIFIER, BY_KIND, CURRENT_LSB, VOLTAGE_LSB, Kind
 
 
 class Frame(NamedTuple):
@@ -43,10 +48,18 @@ class Rejection(Enum):
     INCONSISTENT = "other poles under the same state number"
     SEQUENCE = "out of sequence, and no further frame confirms it yet"
 
+    @property
+    def code(self) -> int:
+        """Its number in the kernels of the `port`."""
+        return 1 + REJECTIONS.index(self)
+
+
+REJECTIONS = tuple(Rejection)
+
 
 def ticks(t_ns: int) -> int:
     """Time since the run's start [ns] as a `time` signal (10 us, u32, wrapping)."""
-    return t_ns // TICK_NS & 0xFFFFFFFF
+    return port.ticks(t_ns)
 
 
 class State(NamedTuple):
@@ -62,14 +75,13 @@ class State(NamedTuple):
     test: bool = False
 
     def encode(self) -> Frame:
-        identifier = self.kind + self.number
-        data = bytearray(
-            _STATE.pack(
-                0, self.counter | self.poles << 4 | self.test << 7, self.st_num, self.sq_num, self.time
-            )
-        )
-        data[0] = crc8_p01(identifier, data)
-        return Frame(identifier, bytes(data))
+        return _encoded(**self._asdict())
+
+    @classmethod
+    def of(cls, m: np.void) -> State:
+        """Of a ``MESSAGE`` record."""
+        *fields, test = (int(m[name]) for name in cls._fields)
+        return cls(Kind(fields[0]), *fields[1:], bool(test))
 
 
 class SampledValues(NamedTuple):
@@ -130,11 +142,7 @@ class Measurements(NamedTuple):
     counter: int = 0
 
     def encode(self) -> Frame:
-        raw = []
-        for value, (lsb, low, high, missing) in zip(self.values, _PAGE_SCALES[self.page], strict=True):
-            raw.append(missing if math.isnan(value) else round(min(max(value / lsb, low), high)))
-        data = _PAGES[self.page].pack(self.page.value, self.counter & 0xFF, *raw)
-        return Frame(Kind.MEASUREMENTS + self.number, data)
+        return _encoded(kind=Kind.MEASUREMENTS, **self._asdict() | {"page": self.page.value})
 
 
 class Heartbeat(NamedTuple):
@@ -147,23 +155,24 @@ class Heartbeat(NamedTuple):
     time: int
 
     def encode(self) -> Frame:
-        data = _HEARTBEAT.pack(self.state, self.alarms, min(self.rejected, 0xFFFF), self.time)
-        return Frame(Kind.HEARTBEAT + self.number, data)
+        return _encoded(kind=Kind.HEARTBEAT, **self._asdict())
 
 
 Message = State | SampledValues | Measurements | Heartbeat
 
-_STATE = Struct("<BBBBI")
 _SAMPLE_HEAD = Struct("<HBBI")
 _SIX = Struct("<6i")
 _HEARTBEAT = Struct("<BBHI")
 _LSB = (VOLTAGE_LSB,) * 3 + (CURRENT_LSB,) * 3
 _PAGES = {Page.VOLTAGE: Struct("<BB3H"), Page.CURRENT: Struct("<BB3H"), Page.FREQUENCY: Struct("<BBHhh")}
-_PAGE_SCALES = {  # unit of the last bit, least and greatest raw value, raw value of a NaN
-    Page.VOLTAGE: ((10.0, 0, 65535, 0),) * 3,
-    Page.CURRENT: ((1.0, 0, 65535, 0),) * 3,
-    Page.FREQUENCY: ((1e-3, 0, 65535, 0), (1e-2, -32767, 32767, 0), (1e-3, -32767, 32767, -32768)),
-}
+
+
+def _encoded(**fields: object) -> Frame:
+    message, frame = np.zeros(1, MESSAGE), np.zeros(1, FRAME)
+    for key, value in fields.items():
+        message[key] = value
+    port.encode(message[0], frame[0])
+    return Frame(*taken(frame, 0))
 
 
 def decode(frame: Frame) -> Message | Rejection:
@@ -181,13 +190,10 @@ def decode(frame: Frame) -> Message | Rejection:
 
 
 def _decode_state(kind: Kind, number: int, frame: Frame) -> State | Rejection:
-    data = frame.data
-    crc, bits, st_num, sq_num, time = _STATE.unpack(data)
-    if crc != crc8_p01(frame.id, data):
-        return Rejection.CRC
-    if bits & 0x0F >= P01_COUNTERS:
-        return Rejection.VALUE
-    return State(kind, number, bits >> 4 & 7, st_num, sq_num, bits & 0x0F, time, bits > 0x7F)
+    read, message = np.zeros(1, FRAME), np.zeros(1, MESSAGE)
+    put(read, 0, frame)
+    objection = port.decode_state(read[0], message[0])
+    return REJECTIONS[objection - 1] if objection else State.of(message[0])
 
 
 def _decode_sampled_values(kind: Kind, number: int, frame: Frame) -> SampledValues | Rejection:
@@ -210,7 +216,7 @@ def _decode_measurements(kind: Kind, number: int, frame: Frame) -> Measurements 
         return Rejection.VALUE
     page = Page(frame.data[0])
     _, counter, *raw = _PAGES[page].unpack(frame.data)
-    scales = _PAGE_SCALES[page]
+    scales = port.PAGE_SCALES[page.value].tolist()
     first, second, third = (
         count * lsb if count >= low else math.nan for count, (lsb, low, _, _) in zip(raw, scales, strict=True)
     )

@@ -12,14 +12,17 @@ wire ends with, ``5 * bit + length - 1``; after a run of five the stuff bit is d
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
+
+import numpy as np
 
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame
+from faultloop.io.can.record import FRAME, Record, put
+from faultloop.jit import njit
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
-_DLC = {length: code for code, length in enumerate(FD_LENGTHS)}
+_DLC = np.array([FD_LENGTHS.index(n) if n in FD_LENGTHS else -1 for n in range(FD_LENGTHS[-1] + 1)])
 
 INTERMISSION = 3
 _FOOTER = 1 + 1 + 7  # ACK slot, ACK delimiter, end of frame
@@ -37,67 +40,36 @@ class WireLength(NamedTuple):
     data: int
 
 
-class _Header(NamedTuple):
-    nominal: int  # bits on the wire, stuff bits included
-    data: int
-    stuffing: int
-    crc: int
-
-
 def wire_length(frame: Frame) -> WireLength:
     """Length of a data frame on the wire, without the intermission (3 nominal bits) that follows.
 
     Raises InputError where no such frame exists: an identifier or a length that the format does not have.
     """
-    header = _header(frame.id, len(frame.data), frame.extended, frame.fd, frame.brs)
-    state, crc, stuffed = header.stuffing, header.crc, 0
-    for byte in frame.data:
-        crc = (crc << 8 & 0x7FFF) ^ _CRC15_BYTE[crc >> 7 ^ byte]
-        step = _STUFF_BYTE[state][byte]
-        stuffed += step >> 4
-        state = step & 15
-    bits = 8 * len(frame.data) + stuffed
-    if not frame.fd:
-        step = _STUFF_BYTE[state][crc >> 7]
-        bits += 15 + (step >> 4) + _STUFF_7[step & 15][crc & 0x7F]
-        return WireLength(header.nominal + bits + 1 + _FOOTER, 0)
-    crc_field = 4 + 17 + 6 if len(frame.data) <= 16 else 4 + 21 + 7  # stuff count, CRC, fixed stuff bits
-    bits += crc_field + 1
-    if frame.brs:
-        return WireLength(header.nominal + _FOOTER, header.data + bits)
-    return WireLength(header.nominal + header.data + bits + _FOOTER, 0)
+    check(frame)
+    record = np.zeros(1, FRAME)
+    put(record, 0, frame)
+    return WireLength(*lengths(record[0]))
 
 
-@lru_cache(maxsize=1024)
-def _header(identifier: int, length: int, extended: bool, fd: bool, brs: bool) -> _Header:
-    """Start of frame to DLC: the same for all frames of one identifier and length."""
-    if not 0 <= identifier < (1 << 29 if extended else 1 << 11):
-        raise InputError(f"CAN identifier {identifier:#x} does not fit in {29 if extended else 11} bits")
-    if length not in _DLC or (length > 8 and not fd):
-        allowed = "0 to 8, 12, 16, 20, 24, 32, 48 or 64" if fd else "0 to 8"
-        raise InputError(f"a CAN{' FD' if fd else ''} frame of {length} bytes: its length must be {allowed}")
-    if brs and not fd:
+def check(frame: Frame) -> None:
+    """InputError where no such frame exists."""
+    identifier, length = frame.id, len(frame.data)
+    if not 0 <= identifier < (1 << 29 if frame.extended else 1 << 11):
+        bits = 29 if frame.extended else 11
+        raise InputError(f"CAN identifier {identifier:#x} does not fit in {bits} bits")
+    if length not in FD_LENGTHS or (length > 8 and not frame.fd):
+        allowed = "0 to 8, 12, 16, 20, 24, 32, 48 or 64" if frame.fd else "0 to 8"
+        raise InputError(
+            f"a CAN{' FD' if frame.fd else ''} frame of {length} bytes: its length must be {allowed}"
+        )
+    if frame.brs and not frame.fd:
         raise InputError("a classic CAN frame has no bit rate switch: only an FD frame has")
-    bits = "0"  # start of frame
-    if extended:
-        bits += f"{identifier >> 18:011b}11{identifier & 0x3FFFF:018b}0"  # SRR, IDE; RTR or RRS
-    else:
-        bits += f"{identifier:011b}00"  # RTR or RRS, IDE
-    # Classic: r1 and r0, or r0 alone.  FD: FDF, res, BRS; then ESI.
-    first, second = (f"10{brs:b}", "0") if fd else ("00" if extended else "0", "")
-    bits += first
-    rest = second + f"{_DLC[length]:04b}"
-    nominal_stuffed, state = divmod(_stuff(_IDLE, int(bits, 2), len(bits)), 16)
-    data_stuffed, state = divmod(_stuff(state, int(rest, 2), len(rest)), 16)
-    whole = bits + rest
-    nominal, data = len(bits) + nominal_stuffed, len(rest) + data_stuffed
-    crc = _crc15(0, int(whole, 2), len(whole))
-    return _Header(nominal, data, state, crc) if fd else _Header(nominal + data, 0, state, crc)
 
 
 _IDLE = 5  # a recessive bit before the start of frame: ends no run
 
 
+@njit
 def _stuff(state: int, bits: int, count: int) -> int:
     """Send the `count` low bits of `bits`, first the highest: 16 * (stuff bits sent) + new state."""
     stuffed = 0
@@ -110,6 +82,7 @@ def _stuff(state: int, bits: int, count: int) -> int:
     return stuffed << 4 | state
 
 
+@njit
 def _crc15(crc: int, bits: int, count: int) -> int:
     for shift in range(count - 1, -1, -1):
         feedback = (crc >> 14 ^ bits >> shift) & 1
@@ -119,10 +92,55 @@ def _crc15(crc: int, bits: int, count: int) -> int:
 
 def _stuffed_at_end(state: int, bits: int) -> int:
     """Stuff bits in the last 7 bits of the CRC sequence, and after them if they end in a run of five."""
-    step = _stuff(state, bits, 7)
+    step = _stuff.py_func(state, bits, 7)
     return (step >> 4) + ((step & 15) % 5 == 4)
 
 
-_STUFF_BYTE = [[_stuff(state, byte, 8) for byte in range(256)] for state in range(10)]
-_STUFF_7 = [[_stuffed_at_end(state, bits) for bits in range(128)] for state in range(10)]
-_CRC15_BYTE = [_crc15(0, byte, 8) for byte in range(256)]
+_STUFF_BYTE = np.array([[_stuff.py_func(state, byte, 8) for byte in range(256)] for state in range(10)])
+_STUFF_7 = np.array([[_stuffed_at_end(state, bits) for bits in range(128)] for state in range(10)])
+_CRC15_BYTE = np.array([_crc15.py_func(0, byte, 8) for byte in range(256)])
+
+
+@njit
+def lengths(frame: Record) -> tuple[int, int]:
+    """`WireLength` of a ``FRAME`` that exists."""
+    bits, count = _to_switch(frame)
+    rest, more = _after_switch(frame)
+    nominal_step = _stuff(_IDLE, bits, count)
+    data_step = _stuff(nominal_step & 15, rest, more)
+    nominal, data = count + (nominal_step >> 4), more + (data_step >> 4)
+    state, stuffed = data_step & 15, 0
+    crc = _crc15(0, bits << more | rest, count + more)
+    for i in range(frame.length):
+        byte = np.int64(frame.data[i])
+        crc = (crc << 8 & 0x7FFF) ^ _CRC15_BYTE[crc >> 7 ^ byte]
+        step = _STUFF_BYTE[state, byte]
+        stuffed += step >> 4
+        state = step & 15
+    content = 8 * frame.length + stuffed
+    if not frame.fd:
+        step = _STUFF_BYTE[state, crc >> 7]
+        content += 15 + (step >> 4) + _STUFF_7[step & 15, crc & 0x7F]
+        return nominal + data + content + 1 + _FOOTER, np.int64(0)
+    content += 4 + (17 + 6 if frame.length <= 16 else 21 + 7) + 1  # stuff count, CRC, fixed stuff bits
+    if frame.brs:
+        return nominal + _FOOTER, data + content
+    return nominal + data + content + _FOOTER, np.int64(0)
+
+
+@njit
+def _to_switch(frame: Record) -> tuple[int, int]:
+    """From the start of frame to where the bit rate may switch: the bits as a number, and their count."""
+    if frame.extended:  # SOF, 11 bits, SRR, IDE, 18 bits, RTR or RRS
+        bits, count = (frame.id >> 18) << 21 | 0b11 << 19 | (frame.id & 0x3FFFF) << 1, 33
+    else:  # SOF, 11 bits, RTR or RRS, IDE
+        bits, count = frame.id << 2, 14
+    if frame.fd:  # FDF, res, BRS
+        return bits << 3 | 0b100 | frame.brs, count + 3
+    return (bits << 2, count + 2) if frame.extended else (bits << 1, count + 1)  # r1, r0; or r0 alone
+
+
+@njit
+def _after_switch(frame: Record) -> tuple[int, int]:
+    """ESI where there is one, and DLC."""
+    return _DLC[frame.length], (5 if frame.fd else 4)

@@ -13,9 +13,9 @@ import numpy as np
 
 from faultloop.config.bus_fault import BusFault
 from faultloop.io.can.bus import SECOND_NS, SimulatedBus
-from faultloop.io.can.goose import Repetition
 from faultloop.nodes import FOREVER, BreakerNode, RelayNode
 from faultloop.nodes.attacker import BabblingNode
+from faultloop.nodes.goose import Repetition
 from faultloop.nodes.refusals import unheard
 from faultloop.study.report import Check, Report, Table
 from faultloop.study.suites.bus.response_times import Message, longest_bits, response_ns

@@ -15,8 +15,8 @@ import numpy as np
 from faultloop.config.bus_fault import BusFault
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.faults import SenderFaults
-from faultloop.io.can.goose import Repetition
 from faultloop.nodes import FOREVER, BreakerNode, RelayNode
+from faultloop.nodes.goose import Repetition
 from faultloop.nodes.refusals import unheard
 from faultloop.study.report import Check, Report, Table
 

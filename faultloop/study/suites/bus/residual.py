@@ -7,8 +7,8 @@ from math import comb
 
 from faultloop.io.can.e2e import crc8_p01
 from faultloop.io.can.frames import State, decode
-from faultloop.io.can.goose import MS, Subscriber
 from faultloop.io.can.table import Kind
+from faultloop.nodes.goose import MS, Subscriber
 from faultloop.study.report import Check, Table
 
 _BITS = 64

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from faultloop.io.can.frames import Frame, Rejection, State, decode, ticks
-from faultloop.io.can.goose import MS, Publisher, Repetition, Subscriber
 from faultloop.io.can.table import Kind
+from faultloop.nodes.goose import MS, Publisher, Repetition, Subscriber
 
 reproducible = settings(derandomize=True, deadline=None)
 

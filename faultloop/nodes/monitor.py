@@ -21,9 +21,9 @@ from faultloop.io.can.frames import (
     SampledValues,
     State,
 )
-from faultloop.io.can.goose import Subscriber
 from faultloop.io.can.length import INTERMISSION, wire_length
 from faultloop.io.can.table import BY_IDENTIFIER, STATE_KINDS, TICK_NS
+from faultloop.nodes.goose import Subscriber
 
 if TYPE_CHECKING:
     from cantools.database.can import Database

@@ -1,0 +1,153 @@
+"""The CAN port of a node, as kernels: messages into protected frames, and frames into messages.
+
+A refused frame is told by a number, `Rejection.code`; `FINE` is none.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.io.can.e2e import P01_COUNTERS, crc8
+from faultloop.io.can.record import Record
+from faultloop.io.can.table import BY_IDENTIFIER, TICK_NS, Kind
+from faultloop.jit import njit
+
+FINE = 0
+(
+    UNKNOWN_ID,
+    FORMAT,
+    LENGTH,
+    NOT_AUTHENTICATED,
+    TAG,
+    CRC,
+    VALUE,
+    TEST,
+    STALE,
+    BEFORE_START,
+    OLD,
+    INCONSISTENT,
+    SEQUENCE,
+) = range(1, 14)
+
+TRIP, CLOSE, PILOT, BREAKER_STATUS = (
+    int(kind) for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.BREAKER_STATUS)
+)
+MEASUREMENTS, HEARTBEAT = int(Kind.MEASUREMENTS), int(Kind.HEARTBEAT)
+STATE_BYTES = 8
+NOBODY = -1
+
+VOLTAGE, CURRENT, FREQUENCY = range(3)
+"""Pages of measurements."""
+PAGE_SCALES = np.array(  # unit of the last bit, least and greatest raw value, raw value of a NaN
+    [
+        [[10.0, 0, 65535, 0]] * 3,
+        [[1.0, 0, 65535, 0]] * 3,
+        [[1e-3, 0, 65535, 0], [1e-2, -32767, 32767, 0], [1e-3, -32767, 32767, -32768]],
+    ]
+)
+
+
+def _kinds() -> NDArray[np.int64]:
+    kinds = np.full(1 << 11, NOBODY, np.int64)
+    for identifier, (kind, _) in BY_IDENTIFIER.items():
+        kinds[identifier] = kind
+    return kinds
+
+
+_KINDS = _kinds()
+
+
+@njit
+def kind_of(identifier: int) -> int:
+    """First identifier of the kind of message, `NOBODY` where it is none of ours."""
+    return _KINDS[identifier] if 0 <= identifier < _KINDS.shape[0] else np.int64(NOBODY)
+
+
+@njit
+def ticks(t_ns: int) -> int:
+    """Time since the run's start [ns] as a `time` signal (10 us, u32, wrapping)."""
+    return t_ns // TICK_NS & 0xFFFFFFFF
+
+
+@njit
+def encode(m: Record, frame: Record) -> None:
+    """A ``MESSAGE`` as the ``FRAME`` that carries it."""
+    frame.id = m.kind + m.number
+    frame.length = STATE_BYTES
+    frame.extended = 0
+    frame.fd = 0
+    frame.brs = 0
+    if m.kind == HEARTBEAT:
+        _encode_heartbeat(m, frame.data)
+    elif m.kind == MEASUREMENTS:
+        _encode_measurements(m, frame.data)
+    else:
+        _encode_state(m, frame)
+
+
+@njit
+def _put(data: NDArray[np.uint8], place: int, value: int, count: int) -> None:
+    """Least significant byte first."""
+    for i in range(count):
+        data[place + i] = value >> 8 * i & 0xFF
+
+
+@njit
+def _encode_state(m: Record, frame: Record) -> None:
+    data = frame.data
+    data[1] = m.counter | m.poles << 4 | m.test << 7
+    data[2] = m.st_num
+    data[3] = m.sq_num
+    _put(data, 4, m.time, 4)
+    data[0] = crc8(frame.id, data, STATE_BYTES)
+
+
+@njit
+def _encode_heartbeat(m: Record, data: NDArray[np.uint8]) -> None:
+    data[0] = m.state
+    data[1] = m.alarms
+    _put(data, 2, min(m.rejected, 0xFFFF), 2)
+    _put(data, 4, m.time, 4)
+
+
+@njit
+def _encode_measurements(m: Record, data: NDArray[np.uint8]) -> None:
+    data[0] = m.page
+    data[1] = m.counter & 0xFF
+    for i in range(3):
+        value, scale = m.values[i], PAGE_SCALES[m.page, i]
+        raw = scale[3] if math.isnan(value) else min(max(value / scale[0], scale[1]), scale[2])
+        _put(data, 2 + 2 * i, np.int64(np.rint(raw)), 2)
+
+
+@njit
+def decode_state(frame: Record, m: Record) -> int:
+    """The state message in a frame, or why there is none."""
+    kind = kind_of(frame.id)
+    if kind == NOBODY or frame.extended:
+        return UNKNOWN_ID if kind == NOBODY else FORMAT
+    if frame.fd:
+        return FORMAT
+    if frame.length != STATE_BYTES:
+        return LENGTH
+    data = frame.data
+    if data[0] != crc8(frame.id, data, STATE_BYTES):
+        return CRC
+    bits = np.int64(data[1])
+    if bits & 0x0F >= P01_COUNTERS:
+        return VALUE
+    m.kind = kind
+    m.number = frame.id - kind
+    m.counter = bits & 0x0F
+    m.poles = bits >> 4 & 7
+    m.test = bits >> 7
+    m.st_num = data[2]
+    m.sq_num = data[3]
+    time = np.int64(0)
+    for i in range(4):
+        time |= np.int64(data[4 + i]) << 8 * i
+    m.time = time
+    return FINE

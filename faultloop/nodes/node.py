@@ -1,0 +1,317 @@
+"""A participant on the bus, as records and kernels: what it publishes, whom it hears, its sign of life.
+
+It speaks messages; the port (`faultloop.io.can.port`) makes frames of them.  The compiled loop steps all
+nodes of a run, a process its own.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.io.can import port
+from faultloop.io.can.authentication import PLAIN, Seal
+from faultloop.io.can.frames import REJECTIONS, Frame, Rejection
+from faultloop.io.can.port import (
+    FINE,
+    HEARTBEAT,
+    MEASUREMENTS,
+    NOBODY,
+    UNKNOWN_ID,
+    decode_state,
+    kind_of,
+    ticks,
+)
+from faultloop.io.can.record import FRAME, MESSAGE, Record, Records, put, taken
+from faultloop.io.can.table import OPERATIONAL, Alarm
+from faultloop.jit import njit
+from faultloop.nodes.clock import CYCLIC, Cyclic, tick
+from faultloop.nodes.goose import (
+    NEW,
+    PUBLISHER,
+    SUBSCRIBER,
+    Publisher,
+    Subscriber,
+    accept,
+    publish,
+    supervise,
+)
+from faultloop.nodes.refusals import Refusals, Report
+
+MEASURED = 15
+"""Values that a relay shows: phasors with their frequency (14), fault location."""
+PAGES = 3
+MOST = 3 + 1 + PAGES
+"""Messages that a node gives at once, at most."""
+NOTHING, TAKEN = 0, 1
+SILENT, REJECTED = int(Alarm.SILENT), int(Alarm.REJECTED)
+
+NODE = np.dtype(
+    [
+        *(
+            (name, "i8")
+            for name in (
+                "number",  # of its heartbeat
+                "relay",  # of its measurements
+                "first_publisher",
+                "publishers",
+                "first_subscriber",
+                "subscribers",
+                "supervised",  # how many of its subscribers, the first ones, raise the alarm
+                "strict",  # 1: it refuses what has an identifier of nobody
+                "refused",  # frames
+                "refused_before",  # its last heartbeat
+                "page",  # counter of its measurements
+            )
+        ),
+        ("heartbeat", CYCLIC),
+        ("measurements", CYCLIC),
+    ],
+    align=True,
+)
+
+
+class Nodes(NamedTuple):
+    """The state of some nodes."""
+
+    node: Records
+    """(n,) NODE"""
+    publishers: Records
+    """PUBLISHER, of all nodes"""
+    subscribers: Records
+    """SUBSCRIBER, of all nodes"""
+    measured: NDArray[np.float64]
+    """(n, MEASURED)"""
+
+
+@njit
+def next_ns(nodes: Nodes, i: int) -> int:
+    """When `poll` has something to send."""
+    n = nodes.node[i]
+    due_ns = min(n.heartbeat.next_ns, n.measurements.next_ns)
+    for k in range(n.first_publisher, n.first_publisher + n.publishers):
+        due_ns = min(due_ns, nodes.publishers[k].next_ns)
+    return due_ns
+
+
+@njit
+def poll(nodes: Nodes, i: int, t_ns: int, out: Records, count: int) -> int:
+    """Puts the messages that are due into ``out`` from ``count`` on; returns how many there are then."""
+    n = nodes.node[i]
+    for k in range(n.first_publisher, n.first_publisher + n.publishers):
+        if publish(nodes.publishers[k], t_ns, out[count]):
+            count += 1
+    if tick(n.heartbeat, t_ns):
+        _beat(nodes, i, t_ns, out[count])
+        count += 1
+    if tick(n.measurements, t_ns):
+        for page in range(PAGES):
+            _show(n, nodes.measured[i], page, out[count])
+            count += 1
+    return count
+
+
+@njit
+def _beat(nodes: Nodes, i: int, t_ns: int, m: Record) -> None:
+    n = nodes.node[i]
+    alarms = 0
+    for k in range(n.first_subscriber, n.first_subscriber + n.supervised):
+        supervise(nodes.subscribers[k], t_ns)
+        if nodes.subscribers[k].alarm:
+            alarms |= SILENT
+    if n.refused > n.refused_before:
+        alarms |= REJECTED
+    n.refused_before = n.refused
+    m.kind = HEARTBEAT
+    m.number = n.number
+    m.state = OPERATIONAL
+    m.alarms = alarms
+    m.rejected = n.refused
+    m.time = ticks(t_ns)
+
+
+@njit
+def _show(n: Record, measured: NDArray[np.float64], page: int, m: Record) -> None:
+    """One page of what a relay measures: RMS voltages, currents; frequency, its rate of change, location."""
+    m.kind = MEASUREMENTS
+    m.number = n.relay
+    m.page = page
+    m.counter = n.page
+    for p in range(3):
+        k = 6 * page + 2 * p
+        m.values[p] = measured[12 + p] if page == 2 else abs(complex(measured[k], measured[k + 1]))
+    n.page = (n.page + 1) & 0xFF
+
+
+@njit
+def subscriber_of(nodes: Nodes, i: int, identifier: int) -> int:
+    """Place of the subscriber that hears frames of that identifier, `NOBODY` where there is none."""
+    n = nodes.node[i]
+    for k in range(n.first_subscriber, n.first_subscriber + n.subscribers):
+        s = nodes.subscribers[k]
+        if s.kind + s.number == identifier:
+            return k
+    return NOBODY
+
+
+@njit
+def receive(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int, m: Record) -> int:
+    """Take a frame that arrived at ``t_ns``, plain, or ``objection``, the number of why it does not count.
+
+    Returns TAKEN where ``m`` is a state that is new to the node, NOTHING, or minus the number of why the
+    frame is refused.  A frame that is for somebody else is passed over.
+    """
+    n = nodes.node[i]
+    place = subscriber_of(nodes, i, frame.id)
+    if place == NOBODY:
+        if n.strict and kind_of(frame.id) == NOBODY:
+            n.refused += 1
+            return -UNKNOWN_ID
+        return NOTHING
+    answer = -objection if objection != FINE else -decode_state(frame, m)
+    if answer == FINE:
+        answer = accept(nodes.subscribers[place], m, t_ns)
+    if answer < 0:
+        n.refused += 1
+        return answer
+    return TAKEN if answer == NEW else NOTHING
+
+
+class Node:
+    """A node for whoever is not compiled: frames in, frames out, with its seal and its report.
+
+    Parameters
+    ----------
+    number : of its heartbeat.
+    publishers, subscribers : what it publishes and hears.
+    supervised : how many subscribers raise the alarm of silence, the first ones.
+    heartbeat_s, measurements_hz : how often it publishes while nothing happens.
+    report : told of the frames that it refuses, and why.
+    seal : what its state frames pass, in and out.
+    start_ns : when it starts, run time [ns].
+    relay : number of its measurements.
+    strict : it refuses frames whose identifier is nobody's.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        publishers: Sequence[Publisher],
+        subscribers: Sequence[Subscriber],
+        supervised: int,
+        report: Report,
+        *,
+        heartbeat_s: float = 0.0,
+        measurements_hz: float = 0.0,
+        seal: Seal = PLAIN,
+        start_ns: int = 0,
+        relay: int = 0,
+        strict: bool = True,
+    ) -> None:
+        self.seal = seal
+        self.refusals = Refusals(report)
+        node = np.zeros(1, NODE)
+        for key, value in (
+            ("number", number),
+            ("relay", relay),
+            ("publishers", len(publishers)),
+            ("subscribers", len(subscribers)),
+            ("supervised", supervised),
+            ("strict", strict),
+        ):
+            node[key] = value
+        Cyclic(1 / heartbeat_s if heartbeat_s else 0.0, start_ns, record=node["heartbeat"])
+        Cyclic(measurements_hz, start_ns + 1, record=node["measurements"])
+        self.nodes = Nodes(
+            node,
+            np.concatenate([np.zeros(0, PUBLISHER), *(p.record for p in publishers)]),
+            np.concatenate([np.zeros(0, SUBSCRIBER), *(s.record for s in subscribers)]),
+            np.full((1, MEASURED), np.nan),
+        )
+        self.place = 0
+        """Its number among `nodes`."""
+        self._messages, self._frame = np.zeros(MOST, MESSAGE), np.zeros(1, FRAME)
+
+    @property
+    def rejected(self) -> Counter[Rejection]:
+        """Frames refused, by cause."""
+        return self.refusals.causes
+
+    @property
+    def next_ns(self) -> int:
+        """When `poll` has something to send."""
+        return next_ns(self.nodes, self.place)
+
+    @property
+    def measured(self) -> NDArray[np.float64]:
+        """(15,) phasor row and fault location of a relay, kept up to date by whoever runs it."""
+        return self.nodes.measured[self.place]
+
+    def publisher(self, k: int) -> Any:
+        """The record of its k-th publisher."""
+        return self.nodes.publishers[int(self.nodes.node["first_publisher"][self.place]) + k]
+
+    def subscribers(self) -> Records:
+        """The records of whom it hears."""
+        n = self.nodes.node[self.place]
+        return self.nodes.subscribers[n["first_subscriber"] : n["first_subscriber"] + n["subscribers"]]
+
+    def poll(self, t_ns: int) -> list[Frame]:
+        """The frames that are due."""
+        count = poll(self.nodes, self.place, t_ns, self._messages, 0)
+        return [self.wired(t_ns, self._messages[k]) for k in range(count)]
+
+    def wired(self, t_ns: int, message: Any) -> Frame:
+        """The frame of one of its messages as it leaves."""
+        kind = message["kind"]
+        if kind == HEARTBEAT:
+            self.refusals.beat(t_ns)
+        port.encode(message, self._frame[0])
+        frame = Frame(*taken(self._frame, 0))
+        return frame if kind in (HEARTBEAT, MEASUREMENTS) else self.seal.close(t_ns, frame)
+
+    def take(self, t_ns: int, frame: Frame) -> Any:
+        """Take a frame; the ``MESSAGE`` in it where it is a state that is new, else None."""
+        objection, plain = self.opened(t_ns, frame)
+        put(self._frame, 0, plain)
+        message = self._messages[0]
+        answer = receive(self.nodes, self.place, self._frame[0], objection, t_ns, message)
+        if answer < 0:
+            self.refusals.add(t_ns, frame, REJECTIONS[-answer - 1])
+        return message if answer == TAKEN else None
+
+    def opened(self, t_ns: int, frame: Frame) -> tuple[int, Frame]:
+        """What its seal says to a frame that it hears: the number of an objection, and the plain frame."""
+        if self.seal is PLAIN or subscriber_of(self.nodes, self.place, frame.id) == NOBODY:
+            return FINE, frame
+        plain = self.seal.open(t_ns, frame)
+        return (plain.code, frame) if isinstance(plain, Rejection) else (FINE, plain)
+
+
+def joined(nodes: Sequence[Node]) -> Nodes:
+    """The states of some nodes in one, which all of them use from now on."""
+    parts = [node.nodes for node in nodes]
+    whole = Nodes(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    publishers = subscribers = 0
+    for place, node in enumerate(nodes):
+        whole.node["first_publisher"][place], whole.node["first_subscriber"][place] = publishers, subscribers
+        publishers += len(node.nodes.publishers)
+        subscribers += len(node.nodes.subscribers)
+        node.nodes, node.place = whole, place
+    return whole
+
+
+def replaced(whole: Nodes, place: int, node: Node) -> None:
+    """Put a node that starts anew in the place of the one that it follows."""
+    old, new = whole.node[place : place + 1], node.nodes
+    first, other = int(old["first_publisher"][0]), int(old["first_subscriber"][0])
+    whole.publishers[first : first + len(new.publishers)] = new.publishers
+    whole.subscribers[other : other + len(new.subscribers)] = new.subscribers
+    whole.measured[place] = new.measured[0]
+    old[:] = new.node
+    old["first_publisher"], old["first_subscriber"] = first, other
+    node.nodes, node.place = whole, place
