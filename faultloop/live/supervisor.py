@@ -180,7 +180,7 @@ class Supervisor:
         for t_ns, frame in frames:
             self._log(max(t_ns, 0), frame)
             if frame.id not in BY_IDENTIFIER:  # the nodes do not hear them: their kernel filters them out
-                self._refusals.add(t_ns, frame, Rejection.UNKNOWN_ID)
+                self._refusals.add(t_ns, frame.id, Rejection.UNKNOWN_ID)
         self.frames += len(frames)
         for child in self._children.values():
             child.listen()

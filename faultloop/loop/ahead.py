@@ -1,10 +1,9 @@
 """Plant and relays, run ahead of the bus.
 
 They are advanced in long blocks, on the assumption that nothing will come from the bus meanwhile; a block
-ends with the first sample at which a relay's output, a pole or a fault changed. The loop takes it in pieces,
-up to each instant at which something is on the bus. Where then a relay's input changes or a breaker is
-commanded, what was run beyond that instant is forgotten, and run again with it: the same, bit for bit, as
-sample by sample, and a repetition that everybody has heard costs nothing here.
+ends with the first sample at which a relay's output, a pole or a fault changed. The bus then follows; where a
+relay's input changes or a breaker is commanded, what was run beyond that instant is forgotten, and run again
+with it: the same, bit for bit, as sample by sample, and a repetition that everybody has heard costs nothing.
 """
 
 from __future__ import annotations
@@ -51,10 +50,13 @@ class Ahead:
         """Number of the next sample that `take` gives."""
         return self._first + self._taken
 
-    def take(self, count: int, at_most: int) -> Piece:
-        """The next samples, up to `count`; where there are none yet, up to `at_most` are made."""
-        if self._taken == self._made:
-            self._make(at_most)
+    @property
+    def left(self) -> int:
+        """How many samples are made and not taken."""
+        return self._made - self._taken
+
+    def take(self, count: int) -> Piece:
+        """The next samples, up to `count` of those that are `left`."""
         start = self._taken
         self._taken = stop = min(start + count, self._made)
         first, last = self._first + start, self._first + stop
@@ -64,7 +66,8 @@ class Ahead:
         }
         return Piece(first, stop - start, stop == self._made, relays)
 
-    def _make(self, count: int) -> None:
+    def make(self, count: int) -> None:
+        """Run ahead up to `count` samples, where none is `left`."""
         plant, relays = self.plant, [(i, self.relays[i]) for i in self._running]
         self._first, self._taken = self._first + self._made, 0
         self._before = plant.save(), [relay.save() for _, relay in relays]

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from faultloop.io.can.transport import Transport
+from faultloop.loop.closed_loop import ClosedLoop
 from faultloop.loop.inputs import check_settings
 from faultloop.loop.outcome import Cast, Fold, Outcome
 from faultloop.loop.recording import Recorder, Sink
 from faultloop.loop.scenario import Scenario
-from faultloop.loop.simulation import Simulation
 from faultloop.loop.warm import WarmStates
 from faultloop.relay import Relay, RelaySettings, load_settings
 
@@ -50,12 +50,12 @@ class Prepared:
         relays = {name: kept.as_new() for name, kept in self._relays.items()}
         bus = Transport.alone(scenario.can)
         fold = Fold(Cast.of_scenario(scenario))
-        simulation = Simulation(scenario, relays, Recorder([fold, *sinks]), bus, warm_up=self._warm.warm_up)
-        simulation.run()
+        loop = ClosedLoop(scenario, relays, Recorder([fold, *sinks]), bus, warm_up=self._warm.warm_up)
+        loop.run()
         return CaseOutcome(
             **vars(fold.outcome()),
             fault_locations={name: relay.fault_location for name, relay in relays.items()},
-            bus_load=bus.load(simulation.simulated_ns),
+            bus_load=bus.load(loop.simulated_ns),
         )
 
 

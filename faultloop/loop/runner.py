@@ -14,13 +14,13 @@ from typing import Protocol
 from faultloop.config.override import overridden
 from faultloop.errors import InputError
 from faultloop.io.can.transport import Transport, open_transport
+from faultloop.loop.closed_loop import ClosedLoop
 from faultloop.loop.inputs import Given, Inputs, check_expectations, load_inputs
 from faultloop.loop.outcome import Cast, Fold
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink, Recorder, Sink, describe, open_sinks, open_streams
 from faultloop.loop.result import Result
 from faultloop.loop.scenario import Scenario
-from faultloop.loop.simulation import Simulation
 from faultloop.relay import Relay
 
 
@@ -80,15 +80,15 @@ def run(
     recorder = Recorder([fold, *more, *([memory] if memory else [])])
     with _bus(scenario, can) as bus:
         # Everything that can be wrong is found before the first file is opened.
-        simulation = Simulation(scenario, relays, recorder, bus, pace, without)
+        loop = ClosedLoop(scenario, relays, recorder, bus, pace, without)
         started = time.perf_counter()
         metadata, attachments = describe(scenario, own, overrides, without)
         start_ns = scenario.scenario.start_ns
         streams = open_streams(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
         recorder.sinks += streams.sinks
         try:
-            with interruptible(simulation):
-                simulation.run(progress)
+            with interruptible(loop):
+                loop.run(progress)
             recorder.close()
         except InputError:  # a user's element or bus: nothing half-made stays behind; a full disk: the part
             recorder.abort()
@@ -99,17 +99,17 @@ def run(
             recorder.abort()
             raise
         wall_s = time.perf_counter() - started
-        load = bus.load(simulation.simulated_ns)
+        load = bus.load(loop.simulated_ns)
     result = Result.of(
         scenario,
         fold.outcome(),
         log=None if log is None else Path(log),
-        simulated_s=simulation.simulated_ns / 1e9,
+        simulated_s=loop.simulated_ns / 1e9,
         wall_s=wall_s,
         bus_load=load,
         fault_locations={place.name: relays[place.name].fault_location for place in scenario.relay},
-        interrupted=simulation.interrupted,
-        pacing=None if pace is None else Pacing.of_blocks(pace, simulation.deadlines),
+        interrupted=loop.interrupted,
+        pacing=None if pace is None else Pacing.of_blocks(pace, loop.deadlines),
         memory=memory,
         rerun=streams.rerun,
     )

@@ -281,7 +281,7 @@ class Node:
         message = self._messages[0]
         answer = receive(self.nodes, self.place, self._frame[0], objection, t_ns, message)
         if answer < 0:
-            self.refusals.add(t_ns, frame, REJECTIONS[-answer - 1])
+            self.refusals.add(t_ns, frame.id, REJECTIONS[-answer - 1])
         return message if answer == TAKEN else None
 
     def opened(self, t_ns: int, frame: Frame) -> tuple[int, Frame]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 
-from faultloop.io.can.frames import Frame, Rejection
+from faultloop.io.can.frames import Rejection
 from faultloop.io.can.table import BY_IDENTIFIER
 
 Report = Callable[[int, str, str], None]
@@ -38,14 +38,14 @@ class Refusals:
         """All frames refused."""
         return self.causes.total()
 
-    def add(self, t_ns: int, frame: Frame, cause: Rejection) -> None:
+    def add(self, t_ns: int, identifier: int, cause: Rejection) -> None:
         """A frame is refused at `t_ns`."""
         self.causes[cause] += 1
-        key = (cause, frame.id if frame.id in BY_IDENTIFIER else None)
+        key = (cause, identifier if identifier in BY_IDENTIFIER else None)
         told_ns = self._told_ns.get(key)
         if told_ns is None:
             self._told_ns[key] = t_ns
-            self._report(t_ns, "warning", f"frame {frame.id:#05x} refused: {cause.value}")
+            self._report(t_ns, "warning", f"frame {identifier:#05x} refused: {cause.value}")
             return
         self._untold[key] += 1
         if t_ns - told_ns >= QUIET_NS:

@@ -115,7 +115,7 @@ def test_a_flood_fills_no_log() -> None:
     said: list[str] = []
     refusals = Refusals(lambda t_ns, level, text: said.append(text))
     for n in range(30_000):  # 10,000 a second, each with an identifier of its own
-        refusals.add(n * MS // 10, Frame(0x10000 + n, b"", extended=True), Rejection.UNKNOWN_ID)
+        refusals.add(n * MS // 10, 0x10000 + n, Rejection.UNKNOWN_ID)
     refusals.beat(4000 * MS)
     assert said == [
         "frame 0x10000 refused: unknown identifier",

@@ -152,7 +152,7 @@ class SimulatedBus:
             if code == ASKS:
                 self.answer()
                 continue
-            received += self._received()
+            received += self.received()
             if code != FULL:
                 return received
 
@@ -184,7 +184,12 @@ class SimulatedBus:
         late_ns = arbitration.bits_ns(self.state, nominal, data)
         return seen_ns, seen_ns + late_ns + arbitration.bits_ns(self.state, FLAG, 0)
 
-    def _received(self) -> list[Delivery]:
+    def sender(self, number: int) -> object:
+        """Who is known to the kernels by a number."""
+        return self._senders[number]
+
+    def received(self) -> list[Delivery]:
+        """Takes out what the kernels have received."""
         state, wire = self.state, self._wire
         for i in range(int(wire["changes"])):
             t_ns, sender, number = state.changes[i].item()

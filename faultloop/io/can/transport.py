@@ -163,7 +163,10 @@ class Transport:
 
         Frames of others that are found now are offered at `until_ns`: before it is past.
         """
-        received = self.model.advance(until_ns)
+        return self.shared(self.model.advance(until_ns))
+
+    def shared(self, received: list[Delivery]) -> list[Delivery]:
+        """What was received is shown to the others, and theirs is taken in."""
         if self.bus is not None:
             for delivery in received:
                 if delivery.sender != EXTERNAL:

@@ -14,7 +14,7 @@ import faultloop
 from faultloop.errors import InputError
 from faultloop.io.diff import diff_logs
 from faultloop.io.mcap_reader import open_log
-from faultloop.loop import simulation
+from faultloop.loop import closed_loop
 from faultloop.loop.result import Result
 from faultloop.loop.scenario import Scenario, load_scenario
 from tests.examples import scenario
@@ -70,7 +70,7 @@ def test_causality_a_trip_changes_nothing_before_it_arrives() -> None:
 @pytest.mark.parametrize("block", [1, 7, 1000])
 def test_the_block_size_changes_no_bit(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = _everything(faultloop.run(ROOT / "scenarios" / "evolving-fault.toml"))
-    monkeypatch.setattr(simulation, "BLOCK", block)
+    monkeypatch.setattr(closed_loop, "BLOCK", block)
     got = _everything(faultloop.run(ROOT / "scenarios" / "evolving-fault.toml"))
     assert got == wanted
 

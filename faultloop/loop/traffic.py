@@ -1,0 +1,277 @@
+"""The nodes of a run and their bus: drives the compiled `exchange`, and does what cannot be compiled.
+
+Keys, faults on the bus, attackers, breakers that are somebody else's devices, a bus with others on it: Python
+has a part in them, between two steps of the same kernels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Protocol
+
+from faultloop.config.bus_fault import BusFault
+from faultloop.io.can.confinement import STATES
+from faultloop.io.can.frames import REJECTIONS, Frame
+from faultloop.io.can.record import put, taken
+from faultloop.io.can.senders import Senders
+from faultloop.io.can.table import Kind
+from faultloop.io.can.transport import Transport
+from faultloop.loop import exchange
+from faultloop.loop.bus_faults import Edge, Edges, counted, end_ns, without_effect
+from faultloop.loop.bus_faults import describe as describe_fault
+from faultloop.loop.recording import Recorder
+from faultloop.loop.scenario import Scenario
+from faultloop.nodes import (
+    BreakerNode,
+    Command,
+    Movement,
+    RelayNode,
+    Report,
+    breaker_follower,
+    breaker_node,
+    relay_node,
+)
+from faultloop.nodes.attacker import attacker_nodes
+from faultloop.nodes.node import joined, replaced
+
+CAN_EVENTS = "/can/events"
+
+
+class Acts(Protocol):
+    """What is done to plant and relays by what comes from the bus."""
+
+    def take_inputs(self, relay: int, t_ns: int) -> None:
+        """A relay's node has accepted a state."""
+        ...
+
+    def obey(self, breaker: int, command: Command) -> None:
+        """A breaker's node has accepted a command."""
+        ...
+
+    def move(self, breaker: int, t_ns: int, movement: Movement) -> None:
+        """A breaker that is somebody else's says that its poles have moved."""
+        ...
+
+    def restart(self, relay: int, t_ns: int, *, begins: bool) -> None:
+        """A relay goes, or is back and remembers nothing."""
+        ...
+
+    def closed(self, breaker: int, t_ns: int) -> int:
+        """Mask of the poles that conduct."""
+        ...
+
+
+class Traffic:
+    """Who is on the bus, and what goes over it.
+
+    Parameters
+    ----------
+    scenario : relays and breakers are numbered in its order.
+    bus : carries the frames.
+    recorder : told of frames and of what a person reads.
+    acts : plant and relays.
+    left_out : names of the breakers that are somebody else's.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        bus: Transport,
+        recorder: Recorder,
+        acts: Acts,
+        left_out: Collection[str],
+    ) -> None:
+        self.scenario, self.bus, self.recorder = scenario, bus, recorder
+        self._acts = acts
+        breakers = [i for i, breaker in enumerate(scenario.breaker) if breaker.name not in left_out]
+        self.relays = [self._relay_node(i) for i in range(len(scenario.relay))]
+        self.breakers = {i: self._breaker_node(i, 0) for i in breakers}
+        self._followers = {
+            i: breaker_follower(scenario, i, acts.closed(i, 0), self._report_of("breaker", breaker.name))
+            for i, breaker in enumerate(scenario.breaker)
+            if breaker.name in left_out
+        }
+        self._seats: list[RelayNode | BreakerNode] = [*self.relays, *self.breakers.values()]
+        self._numbers = [*range(len(self.relays)), *breakers]
+        """Of each seat's relay or breaker."""
+        self._names = [place.name for place in scenario.relay]
+        self._names += [scenario.breaker[i].name for i in breakers]
+        self._attackers = attacker_nodes(scenario)
+        self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
+        self._edges = Edges(scenario.bus_fault)
+        self._sealed = scenario.keys_path is not None
+        self._x = exchange.new_exchange(joined(self._seats), bus.model.state)
+        self._control = self._x.control[0]
+        self._control["sends"] = self._sealed or bool(scenario.bus_fault)
+        alone = bus.bus is None
+        self._control["hears"] = (
+            2 if not alone else int(self._sealed or bool(self._attackers) or bool(self._followers))
+        )
+        for seat, name, breaker in zip(self._x.seats, self._names, self._are_breakers(), strict=True):
+            seat["sender"], seat["breaker"] = bus.model.number_of(name), breaker
+        self._renew()
+
+    def _are_breakers(self) -> list[bool]:
+        return [isinstance(node, BreakerNode) for node in self._seats]
+
+    def _relay_node(self, number: int, start_ns: int = 0) -> RelayNode:
+        report = self._report_of("relay", self.scenario.relay[number].name)
+        return relay_node(self.scenario, number, report, start_ns=start_ns)
+
+    def _breaker_node(self, number: int, start_ns: int) -> BreakerNode:
+        report = self._report_of("breaker", self.scenario.breaker[number].name)
+        closed = self._acts.closed(number, start_ns)
+        return breaker_node(self.scenario, number, closed, report, start_ns=start_ns)
+
+    def _report_of(self, kind: str, name: str) -> Report:
+        def report(t_ns: int, level: str, text: str) -> None:
+            self.recorder.event(f"/{kind}/{name}/events", t_ns, level, text, name)
+
+        return report
+
+    # -- time passes ----------------------------------------------------------------------------------------
+
+    def serve(self, until_ns: int) -> bool:
+        """Send what is due and deliver what arrives up to and including `until_ns`, in order of time; True
+        where it stops before, since something was done to plant or relays."""
+        while True:
+            code = exchange.serve(self._x, until_ns)
+            now_ns = int(self._control["now_ns"])
+            if code == exchange.DONE or code == exchange.ACTED:
+                self._empty_ring()
+                return code == exchange.ACTED
+            if code == exchange.FAULT_OF_WIRE:
+                self.bus.model.answer()
+                continue
+            self._empty_ring()
+            acted = False
+            if code == exchange.RECEIVED:
+                acted = self._receive(now_ns)
+            elif code == exchange.DUE:
+                acted = self._turn(now_ns)
+            elif code == exchange.OFFERED:
+                self._send(now_ns)
+            self._renew()
+            if acted:
+                return True
+
+    def _renew(self) -> None:
+        """What Python has done may be due earlier, and the bus may have more room."""
+        due = [self._senders.next_ns, self._edges.next_ns, *(a.next_ns for a in self._attackers)]
+        self._control["python_ns"] = min(due)
+        self.bus.model.reserve(len(self._x.offers))
+        self._x = self._x._replace(bus=self.bus.model.state)
+
+    def _send(self, t_ns: int) -> None:
+        x, control = self._x, self._control
+        for k in range(control["offered"]):
+            seat = int(x.offered_by[k])
+            frame = self._seats[seat].wired(t_ns, x.offers[k])
+            self._senders.send(t_ns, frame, self._names[seat])
+        control["offered"] = 0
+        for attacker in self._attackers:
+            for frame in attacker.poll(t_ns):
+                self._senders.send_one(t_ns, frame, attacker.name)
+
+    def _receive(self, now_ns: int) -> bool:
+        """What was received goes to the nodes, and to whom only Python knows."""
+        x, acted = self._x, False
+        scratch = x.scratch[0]
+        for t_ns, frame, sender in self.bus.shared(self.bus.model.received()):
+            put(scratch, 0, frame)
+            scratch["t_ns"], scratch["sender"] = t_ns, self.bus.model.number_of(sender)
+            if self._sealed:
+                for seat, node in enumerate(self._seats):
+                    if not self._is_deaf(seat, now_ns):
+                        x.seats["objection"][seat], plain = node.opened(t_ns, frame)
+                        put(x.plain, seat, plain)
+            acted |= exchange.hear(x, scratch[0], self._sealed)
+            self._empty_ring()
+            for attacker in self._attackers:
+                attacker.receive(t_ns, frame)
+            for number, follower in self._followers.items():
+                for movement in follower.receive(t_ns, frame):
+                    self._acts.move(number, t_ns, movement)
+                    acted = True
+        return acted
+
+    def _is_deaf(self, seat: int, t_ns: int) -> bool:
+        return bool(self._x.seats["deaf"][seat]) or self._names[seat] in self.bus.bus_off(t_ns)
+
+    # -- what there is to tell ------------------------------------------------------------------------------
+
+    def _empty_ring(self) -> None:
+        control = self._control
+        count = int(control["events"])
+        control["events"] = 0
+        for t_ns, what, node, identifier, value in self._x.events[:count].tolist():
+            if what == exchange.FRAME_SEEN:
+                frame = Frame(*taken(self._x.frames, value))
+                sender = self.bus.model.sender(int(self._x.frames["sender"][value]))
+                direction = "tx" if sender in self._names else "rx"
+                self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
+            elif what == exchange.STATE_TAKEN:
+                self._act(t_ns, node, identifier, value)
+            elif what == exchange.REFUSED:
+                self._seats[node].refusals.add(t_ns, identifier, REJECTIONS[value - 1])
+            elif what == exchange.BEAT:
+                self._seats[node].refusals.beat(t_ns)
+            else:
+                sender = self.bus.model.sender(node)
+                self.recorder.event(CAN_EVENTS, t_ns, "warning", f"is {STATES[value]}", str(sender))
+        control["frames"] = 0
+
+    def _act(self, t_ns: int, seat: int, identifier: int, poles: int) -> None:
+        number = self._numbers[seat]
+        if isinstance(self._seats[seat], RelayNode):
+            self._acts.take_inputs(number, t_ns)
+        elif poles:
+            operation = "open" if identifier & ~0xF == Kind.TRIP else "close"
+            self._acts.obey(number, Command(t_ns, operation, poles, identifier & 0xF))
+
+    # -- faults on the bus ----------------------------------------------------------------------------------
+
+    def _turn(self, t_ns: int) -> bool:
+        """Faults begin or end, and late frames go to the bus; True where a node went or came back."""
+        acted = False
+        for edge in self._edges.due(t_ns):
+            acted |= self._turned(edge)
+        self._senders.release(t_ns)
+        return acted
+
+    def _turned(self, edge: Edge) -> bool:
+        t_ns, fault = edge.t_ns, edge.fault
+        self._tell(t_ns, fault, "begins" if edge.begins else "is over")
+        for seat, name in enumerate(self._names):
+            self._x.seats["deaf"][seat] = self._senders.silent(name, t_ns)
+        if fault.kind != "restart" or fault.node not in self._names:
+            return False
+        seat = self._names.index(fault.node)
+        number, node = self._numbers[seat], self._seats[seat]
+        self._x.seats["away"][seat] = edge.begins
+        if isinstance(node, RelayNode):
+            self._acts.restart(number, t_ns, begins=edge.begins)
+        if not edge.begins:
+            self._rejoin(t_ns, seat)
+        return True
+
+    def _rejoin(self, t_ns: int, seat: int) -> None:
+        """A node starts anew and remembers nothing; a breaker's poles are as they are."""
+        number = self._numbers[seat]
+        if isinstance(self._seats[seat], RelayNode):
+            node = self.relays[number] = self._relay_node(number, t_ns)
+        else:
+            node = self.breakers[number] = self._breaker_node(number, t_ns)
+        self._seats[seat] = node
+        replaced(self._x.nodes, seat, node)
+
+    def end(self, t_ns: int) -> None:
+        """The run is over."""
+        for fault in self.scenario.bus_fault:
+            if end_ns(fault) > t_ns:
+                self._tell(t_ns, fault, "still there at the end of the run")
+
+    def _tell(self, t_ns: int, fault: BusFault, what: str) -> None:
+        hits = f", {self._senders.hits[fault.name]} frames hit" if counted(fault) and what != "begins" else ""
+        what += " and has no effect: samples go by no frames" if without_effect(fault) else hits
+        self.recorder.event(CAN_EVENTS, t_ns, "warning", f"{describe_fault(fault)} {what}", fault.name)
