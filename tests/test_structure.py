@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "faultloop"
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 LARGEST_FILE, LARGEST_CLASS = 500, 250
 
+
 def _module(path: Path) -> str:
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
