@@ -16,7 +16,7 @@ from faultloop.io.can.transport import Transport
 from faultloop.loop.closed_loop import ClosedLoop
 from faultloop.loop.inputs import check_settings
 from faultloop.loop.outcome import Cast, Fold, Outcome
-from faultloop.loop.recording import Recorder, Sink
+from faultloop.loop.recording import MemorySink, Recorder, Sink
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import WarmStates
 from faultloop.relay import Relay, RelaySettings, load_settings
@@ -50,7 +50,9 @@ class Prepared:
         relays = {name: kept.as_new() for name, kept in self._relays.items()}
         bus = Transport.alone(scenario.can)
         fold = Fold(Cast.of_scenario(scenario))
-        loop = ClosedLoop(scenario, relays, Recorder([fold, *sinks]), bus, warm_up=self._warm.warm_up)
+        curious = [sink for sink in sinks if not isinstance(sink, MemorySink)]
+        recorder = Recorder([fold, *sinks], None if curious else lambda n: fold.count_frames(n.tolist()))
+        loop = ClosedLoop(scenario, relays, recorder, bus, warm_up=self._warm.warm_up)
         loop.run()
         return CaseOutcome(
             **vars(fold.outcome()),

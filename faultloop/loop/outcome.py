@@ -176,14 +176,24 @@ class Fold:
         self._positions.setdefault(breaker, []).append(Position(t_ns, closed, command, relay))
 
     def _take_frame(self, t_ns: int, frame: Frame) -> None:
-        kind, number = BY_IDENTIFIER.get(frame.id, (None, 0))
-        name = "unknown" if kind is None or frame.extended else kind.name
-        self._kinds[name] = self._kinds.get(name, 0) + 1
+        kind, number = self._count(frame.id, frame.extended, 1)
         if kind is not Kind.TRIP or number >= len(self._frames):
             return
         state = read(frame)
         if isinstance(state, State) and state.poles:
             list(self._frames.values())[number].append((t_ns, state.poles))
+
+    def count_frames(self, counts: Sequence[int]) -> None:
+        """In place of the frames themselves: how many there were, by identifier, at last of extended ones."""
+        for identifier, count in enumerate(counts):
+            if count:
+                self._count(identifier, identifier == len(counts) - 1, count)
+
+    def _count(self, identifier: int, extended: bool, count: int) -> tuple[Kind | None, int]:
+        kind, number = BY_IDENTIFIER.get(identifier, (None, 0))
+        name = "unknown" if kind is None or extended else kind.name
+        self._kinds[name] = self._kinds.get(name, 0) + count
+        return kind, number
 
     def outcome(self) -> Outcome:
         """What the messages so far come to."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -134,12 +134,20 @@ def _made(sink: str, start_ns: int, name: str) -> Sink:
 
 
 class Recorder:
-    """The sinks as one; a level is "info", "warning" or "error"."""
+    """The sinks as one; a level is "info", "warning" or "error".
+
+    Parameters
+    ----------
+    sinks : get everything.
+    counts : called at the end with the number of frames by identifier, (2049,), the last one of extended
+        frames, where nobody wants to know each: then none is told.
+    """
 
     _LEVELS: Mapping[str, int] = {"debug": 1, "info": 2, "warning": 3, "error": 4}
 
-    def __init__(self, sinks: Sequence[Sink]) -> None:
+    def __init__(self, sinks: Sequence[Sink], counts: Callable[[np.ndarray], None] | None = None) -> None:
         self.sinks = list(sinks)
+        self.counts = counts
 
     def add_relay(self, name: str, bits: Sequence[str], characteristics: Characteristics) -> None:
         for sink in self.sinks:

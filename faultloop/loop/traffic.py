@@ -102,6 +102,7 @@ class Traffic:
         self._sealed = scenario.keys_path is not None
         self._x = exchange.new_exchange(joined(self._seats), bus.model.state)
         self._control = self._x.control[0]
+        self._control["quiet"] = recorder.counts is not None
         self._control["sends"] = self._sealed or bool(scenario.bus_fault)
         alone = bus.bus is None
         self._control["hears"] = (
@@ -267,6 +268,8 @@ class Traffic:
 
     def end(self, t_ns: int) -> None:
         """The run is over."""
+        if self.recorder.counts is not None:
+            self.recorder.counts(self._x.counted)
         for fault in self.scenario.bus_fault:
             if end_ns(fault) > t_ns:
                 self._tell(t_ns, fault, "still there at the end of the run")

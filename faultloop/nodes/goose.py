@@ -299,6 +299,15 @@ def _difference(a: int, b: int, modulus: int) -> int:
 # -- for whoever is not compiled ----------------------------------------------------------------------------
 
 
+def _silent_subscriber() -> Any:
+    record = np.zeros(1, SUBSCRIBER)
+    record["poles"], record["expires_ns"] = NOTHING_HEARD, FOREVER
+    return record
+
+
+_SILENT = _silent_subscriber()
+
+
 class Publisher:
     """Sends one state: `set` changes it, `poll` gives the frame that is due.
 
@@ -398,22 +407,11 @@ class Subscriber:
         self.record = np.zeros(1, SUBSCRIBER) if record is None else record
         self.rejected: Counter[Rejection] = Counter()
         self._message = np.zeros(1, MESSAGE)
-        self.record[:] = np.zeros(1, SUBSCRIBER)
-        for key, value in (
-            ("kind", kind),
-            ("number", number),
-            ("first_ns", repetition.first_ns),
-            ("heartbeat_ns", repetition.heartbeat_ns),
-            ("grace_ns", repetition.grace_ns),
-            ("max_age_ns", NO_COMMON_CLOCK if max_age_ns is None else max_age_ns),
-            ("max_ahead_ns", max_ahead_ns),
-            ("test", test),
-            ("start_ns", start_ns),
-            ("confirmations", confirmations),
-            ("poles", NOTHING_HEARD),
-            ("expires_ns", FOREVER),
-        ):
-            self.record[key] = value
+        self.record[:] = _SILENT
+        head = (kind, number, repetition.first_ns, repetition.heartbeat_ns, repetition.grace_ns)
+        age_ns = NO_COMMON_CLOCK if max_age_ns is None else max_age_ns
+        settings = (*head, age_ns, max_ahead_ns, test, start_ns, confirmations)
+        self.record.view(np.int64)[: len(settings)] = settings
 
     def receive(self, message: State, t_ns: int) -> bool | Rejection:
         """Take a message that arrived at `t_ns`.

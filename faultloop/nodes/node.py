@@ -228,8 +228,8 @@ class Node:
         Cyclic(measurements_hz, start_ns + 1, record=node["measurements"])
         self.nodes = Nodes(
             node,
-            np.concatenate([np.zeros(0, PUBLISHER), *(p.record for p in publishers)]),
-            np.concatenate([np.zeros(0, SUBSCRIBER), *(s.record for s in subscribers)]),
+            _gathered(PUBLISHER, [p.record for p in publishers]),
+            _gathered(SUBSCRIBER, [s.record for s in subscribers]),
             np.full((1, MEASURED), np.nan),
         )
         self.place = 0
@@ -260,6 +260,10 @@ class Node:
         n = self.nodes.node[self.place]
         return self.nodes.subscribers[n["first_subscriber"] : n["first_subscriber"] + n["subscribers"]]
 
+    def hears(self, identifier: int) -> bool:
+        """Whether frames of that identifier are for it."""
+        return subscriber_of(self.nodes, self.place, identifier) != NOBODY
+
     def poll(self, t_ns: int) -> list[Frame]:
         """The frames that are due."""
         count = poll(self.nodes, self.place, t_ns, self._messages, 0)
@@ -286,16 +290,29 @@ class Node:
 
     def opened(self, t_ns: int, frame: Frame) -> tuple[int, Frame]:
         """What its seal says to a frame that it hears: the number of an objection, and the plain frame."""
-        if self.seal is PLAIN or subscriber_of(self.nodes, self.place, frame.id) == NOBODY:
+        if self.seal is PLAIN or not self.hears(frame.id):
             return FINE, frame
         plain = self.seal.open(t_ns, frame)
         return (plain.code, frame) if isinstance(plain, Rejection) else (FINE, plain)
 
 
+def _gathered(dtype: np.dtype, parts: Sequence[Records]) -> Records:
+    """`np.concatenate`, which takes 60 us to find out that the types of records are the same."""
+    gathered = np.zeros(sum(len(part) for part in parts), dtype)
+    raw = b"".join(part.tobytes() for part in parts)
+    gathered.view(np.uint8)[:] = np.frombuffer(raw, np.uint8)
+    return gathered
+
+
 def joined(nodes: Sequence[Node]) -> Nodes:
     """The states of some nodes in one, which all of them use from now on."""
     parts = [node.nodes for node in nodes]
-    whole = Nodes(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    whole = Nodes(
+        _gathered(NODE, [part.node for part in parts]),
+        _gathered(PUBLISHER, [part.publishers for part in parts]),
+        _gathered(SUBSCRIBER, [part.subscribers for part in parts]),
+        np.concatenate([np.zeros((0, MEASURED)), *(part.measured for part in parts)]),
+    )
     publishers = subscribers = 0
     for place, node in enumerate(nodes):
         whole.node["first_publisher"][place], whole.node["first_subscriber"][place] = publishers, subscribers

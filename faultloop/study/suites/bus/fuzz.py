@@ -245,7 +245,7 @@ def fuzz(
             outcome.causes[name] += refused
         elif command is not None:
             outcome.operations.append((name, frame, command))
-        elif frame.id in breaker.commands:
+        elif breaker.hears(frame.id):
             outcome.accepted += 1
         else:
             outcome.passed_over += 1
@@ -260,7 +260,7 @@ def _genuine(w: World, relay: RelayNode, breaker: BreakerNode, outcome: Outcome,
         command = breaker.receive(w.t_ns, frame)
         if command is not None:
             outcome.genuine[step] += 1
-        if frame.id in breaker.commands:
+        if breaker.hears(frame.id):
             w.recorded.append(frame)
             del w.recorded[:-2000]
             message = decode(frame._replace(data=frame.data[:8], fd=False))

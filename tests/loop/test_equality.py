@@ -1,0 +1,39 @@
+"""A campaign's case, a run and its log say the same, to the nanosecond and bit; at large: bench/equality.py."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from faultloop.loop.case import Cases
+
+
+def bench() -> Any:
+    path = Path(__file__).resolve().parents[2] / "bench" / "equality.py"
+    spec = importlib.util.spec_from_file_location("equality_bench", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def assert_equal(numbers: range, folder: Path, estimators: tuple[str, ...]) -> None:
+    equality, cases = bench(), Cases()
+    equality.prepare(folder)
+    for number in numbers:
+        scenario, settings = equality.draw(number, 1, folder, estimators)
+        found = equality.differences(scenario, settings, cases, folder)
+        assert found == [], f"case {number}"
+
+
+@pytest.mark.parametrize("first", [0, 8, 16])
+def test_random_cases(first: int, tmp_path: Path) -> None:
+    assert_equal(range(first, first + 8), tmp_path, ("kalman-bank", "fourier"))
+
+
+@pytest.mark.slow
+def test_random_cases_of_all_kinds(tmp_path: Path) -> None:
+    assert_equal(range(500), tmp_path, bench().ESTIMATORS)
