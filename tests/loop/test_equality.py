@@ -1,4 +1,4 @@
-"""A campaign's case, a run and its log say the same, to the nanosecond and bit; at large: bench/equality.py."""
+"""A campaign's case, a run and its log say the same, to the nanosecond and bit."""
 
 from __future__ import annotations
 
