@@ -68,6 +68,10 @@ class Segment:
     index: Index | None = None
     checked: bool = False
 
+    def may_hold(self, channel: int) -> bool:
+        """Whether messages of a channel are in it; True where that is not known yet."""
+        return self.index is None or channel in self.index
+
 
 @dataclass
 class Summary:

@@ -146,7 +146,12 @@ class Log:
     def _rows(self, topic: str, message: Message, segments: list[Segment]) -> np.ndarray:
         channels = self._channels[topic]
         try:
-            found = [self._reader.rows(part, channel, message) for channel in channels for part in segments]
+            found = [
+                self._reader.rows(segment, channel, message)
+                for channel in channels
+                for segment in segments
+                if segment.may_hold(channel.id)
+            ]
         except DAMAGE as error:
             raise InputError(f"is damaged: {error}", file=self.path, key=topic) from error
         rows = _joined([part for part in found if len(part)], array_dtype(message))

@@ -45,7 +45,7 @@ class Field:
         return {"string": "", "bytes": b""}.get(self.type, 0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # each is made once: compared, and found in a cache, by identity
 class Message:
     """One message type.  Field number 1 is always ``timestamp``; ``fields`` follow from 2 on.
 

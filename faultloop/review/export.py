@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +13,13 @@ from faultloop.errors import InputError, nearest
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.log import LoggedFrame, write_can_log
 from faultloop.io.comtrade.record import AnalogChannel, Rate, Record, StatusChannel
-from faultloop.io.comtrade.write import write_comtrade
+from faultloop.io.comtrade.write import Block, Extent, check_kind, write_blocks
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import CAN_FRAME, CHANNELS, ELEMENTS, values
+from faultloop.io.messages import CAN_FRAME, CHANNELS, ELEMENTS, SAMPLED_VALUES
 from faultloop.io.output_file import missing_folders
 from faultloop.loop.recorded import recorded_scenario
+from faultloop.review.rows import RelayRows, relay_rows
 from faultloop.review.summary import find_inception
-from faultloop.review.survey import survey
 
 SECOND_NS = 1_000_000_000
 
@@ -33,29 +35,37 @@ def log_to_comtrade(
     """
     if relay is not None and relay not in log.relays:
         raise InputError(f"no relay '{relay}'; {nearest(relay, log.relays)}", file=log.path, key="--relay")
+    check_kind(path, revision, format)
     names = log.relays if relay is None else (relay,)
-    counts = [survey(log, name).count for name in names]
-    if not counts or not counts[0]:
+    measured = _Measured(len(names))
+    for rows in _rows(log, names):
+        measured.take(rows)
+    if not measured.extent.count:
         raise InputError("holds no sampled values to export", file=log.path)
-    # A run that was cut off may have one relay a few samples ahead of another.
-    count = min(counts)
-    t_ns = np.empty(count, np.int64)
-    columns = {name: np.empty((len(CHANNELS), count)) for name in names}
-    bits = {name: np.zeros((2, count), np.uint64) for name in names}
-    _fill(log, t_ns, columns, bits)
-    record = Record(
-        t_ns=t_ns - t_ns[0],
-        analog=[channel for name in names for channel in _analog(name, columns[name])],
-        status=[channel for name in names for channel in _bits(log, name, bits[name])] + _own(log, t_ns),
-        rates=_rates(t_ns),
-        start_ns=log.start_ns + int(t_ns[0]),
-        trigger_ns=log.start_ns + _trigger_ns(log, t_ns),
+    bits = _bits(log, names, measured.ever)
+    states = [*_poles(log), *_digital(log)]
+    head = Record(
+        t_ns=np.empty(0, np.int64),
+        analog=[channel for name in names for channel in _analog(name)],
+        status=[StatusChannel(f"{bit.relay} {bit.name}", NO_STATES, circuit=bit.relay) for bit in bits]
+        + [state.channel for state in states],
+        rates=measured.rates,
+        start_ns=log.start_ns + measured.first_ns,
+        trigger_ns=log.start_ns + _trigger_ns(log, measured),
         frequency_hz=_frequency(log),
         station=_one_line(recorded_scenario(log)["scenario"].get("name", log.path.stem)),
         device="faultloop",
     )
+    blocks = (
+        Block(
+            rows[0].t_ns - measured.first_ns,
+            _columns(rows),
+            [bit.states(rows) for bit in bits] + [state.states(rows[0].t_ns) for state in states],
+        )
+        for rows in _rows(log, names)
+    )
     with missing_folders(path.parent):
-        return write_comtrade(path, record, revision=revision, format=format)
+        return write_blocks(path, head, measured.extent, blocks, (revision, format))
 
 
 def log_to_can(log: Log, path: Path) -> list[Path]:
@@ -72,34 +82,101 @@ def log_to_can(log: Log, path: Path) -> list[Path]:
     return [write_can_log(path, frames)]
 
 
-def _fill(
-    log: Log,
-    t_ns: NDArray[np.int64],
-    columns: dict[str, NDArray[np.float64]],
-    bits: dict[str, NDArray[np.uint64]],
-) -> None:
-    """Times, samples (6, n) and element words (2, n) of relays, stretch by stretch."""
-    count, filled = len(t_ns), dict.fromkeys(columns, 0)
-    told = dict.fromkeys(columns, 0)
+def _rows(log: Log, names: Sequence[str]) -> Iterator[list[RelayRows]]:
+    """Relays' samples and elements, stretch by stretch, at the times at which any of them was sampled: one
+    may have been away for a while, or a run cut off."""
     for span in log.windows():
-        for place, (name, into) in enumerate(columns.items()):
-            rows = log.samples(name, *span)[: count - filled[name]]
-            here = slice(filled[name], filled[name] + len(rows))
-            into[:, here] = values(rows)[:, -len(CHANNELS) :].T
-            if place == 0:
-                t_ns[here] = rows["t_ns"]
-            filled[name] = here.stop
-            if ELEMENTS.topic_for(name) in log.topics:
-                words = log.elements(name, *span)[: count - told[name]]
-                here = slice(told[name], told[name] + len(words))
-                bits[name][0, here], bits[name][1, here] = words["pickup"], words["operate"]
-                told[name] = here.stop
+        found = [relay_rows(log, name, *span, kinds=(SAMPLED_VALUES, ELEMENTS)) for name in names]
+        t_ns = found[0].t_ns
+        if any(not np.array_equal(rows.t_ns, t_ns) for rows in found):
+            t_ns = np.unique(np.concatenate([rows.t_ns for rows in found]))
+        if len(t_ns):
+            yield [rows.at(t_ns) for rows in found]
 
 
-def _trigger_ns(log: Log, t_ns: NDArray[np.int64]) -> int:
+class _Measured:
+    """What has to be known of all rows before the first is written.
+
+    Attributes
+    ----------
+    extent : of the analog channels.
+    ever : per relay, the bits that ever were on, of ``pickup`` and of ``operate``.
+    first_ns : time of the first row [ns since the run's start].
+    """
+
+    def __init__(self, relays: int) -> None:
+        self.extent = Extent(relays * len(CHANNELS))
+        self.ever = [(0, 0)] * relays
+        self.first_ns = 0
+        self._usual_ns = np.nan
+        self._longest_ns = 0
+
+    def take(self, rows: Sequence[RelayRows]) -> None:
+        t_ns = rows[0].t_ns
+        if not self.extent.count:
+            self.first_ns = int(t_ns[0])
+            self._usual_ns = float(np.median(np.diff(t_ns))) if len(t_ns) > 1 else np.nan
+        steps = np.diff(t_ns, prepend=self.first_ns + self.extent.last_ns)
+        self._longest_ns = max(self._longest_ns, int(steps.max()))
+        self.extent.take(Block(t_ns - self.first_ns, _columns(rows), ()))
+        for place, own in enumerate(rows):
+            words = (int(np.bitwise_or.reduce(word)) for word in (own.pickup, own.operate))
+            pickup, operate = (old | new for old, new in zip(self.ever[place], words, strict=True))
+            self.ever[place] = pickup, operate
+
+    @property
+    def rates(self) -> tuple[Rate, ...]:
+        """The sampling rate; none, so that the stamps count, where samples are left out."""
+        count, last_ns = self.extent.count, self.extent.last_ns
+        if count < 2:
+            return (Rate(1.0, count),)
+        if self._longest_ns > 1.5 * self._usual_ns:
+            return ()
+        return (Rate(float(round((count - 1) * SECOND_NS / last_ns)), count),)
+
+
+def _columns(rows: Sequence[RelayRows]) -> list[NDArray[np.float64]]:
+    return [column for own in rows for column in own.samples.T]
+
+
+@dataclass(frozen=True)
+class _Bit:
+    """A bit of a relay's element words."""
+
+    place: int
+    """Of the relay among those exported."""
+    relay: str
+    name: str
+    word: str
+    bit: int
+
+    def states(self, rows: Sequence[RelayRows]) -> NDArray[np.bool_]:
+        word: NDArray[np.uint64] = getattr(rows[self.place], self.word)
+        return (word >> np.uint64(self.bit) & np.uint64(1)).astype(bool)
+
+
+@dataclass(frozen=True)
+class _Changing:
+    """A state that is told when it changes."""
+
+    channel: StatusChannel
+    t_ns: list[int]
+    on: list[bool]
+    before: bool
+    """Its state until it is told."""
+
+    def states(self, t_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        return np.array([self.before, *self.on])[np.searchsorted(self.t_ns, t_ns, side="right")]
+
+
+NO_STATES = np.empty(0, bool)
+
+
+def _trigger_ns(log: Log, measured: _Measured) -> int:
     """The inception, where it is in the record."""
-    found = find_inception(log).t_ns
-    return int(t_ns[0]) if found is None or not t_ns[0] <= found <= t_ns[-1] else found
+    first_ns, found = measured.first_ns, find_inception(log).t_ns
+    inside = found is not None and first_ns <= found <= first_ns + measured.extent.last_ns
+    return found if found is not None and inside else first_ns
 
 
 def _one_line(text: str) -> str:
@@ -107,64 +184,52 @@ def _one_line(text: str) -> str:
     return "".join(" " if mark in ",\r\n\x1a" else mark for mark in text)
 
 
-def _analog(name: str, columns: NDArray[np.float64]) -> list[AnalogChannel]:
+def _analog(name: str) -> list[AnalogChannel]:
     return [
         AnalogChannel(
             name=f"{name} {channel.upper()}",
-            values=column,
+            values=np.empty(0),
             unit="V" if channel[0] == "v" else "A",
             phase=channel[1].upper(),
             circuit=name,
         )
-        for channel, column in zip(CHANNELS, columns, strict=True)
+        for channel in CHANNELS
     ]
 
 
-def _bits(log: Log, name: str, words: NDArray[np.uint64]) -> list[StatusChannel]:
+def _bits(log: Log, names: Sequence[str], ever: Sequence[tuple[int, int]]) -> list[_Bit]:
     """Those element bits that were ever on."""
-    channels = []
-    for word, names in zip(words, log.bits(name).values(), strict=True):
-        ever = int(np.bitwise_or.reduce(word)) if len(word) else 0
-        for place, bit in enumerate(names):
-            if ever >> place & 1:
-                on = (word >> np.uint64(place) & np.uint64(1)).astype(bool)
-                channels.append(StatusChannel(f"{name} {bit}", on, circuit=name))
-    return channels
+    return [
+        _Bit(place, relay, name, word, bit)
+        for place, relay in enumerate(names)
+        for (word, bits), on in zip(log.bits(relay).items(), ever[place], strict=True)
+        for bit, name in enumerate(bits)
+        if on >> bit & 1
+    ]
 
 
-def _own(log: Log, t_ns: NDArray[np.int64]) -> list[StatusChannel]:
-    """Breakers' poles, and a replayed record's own digital channels."""
-    channels: dict[int, StatusChannel] = {}
+def _digital(log: Log) -> list[_Changing]:
+    """A replayed record's own digital channels."""
+    found: dict[int, _Changing] = {}
     for entry in log.digital:
-        zeros = StatusChannel(
-            entry.name, np.zeros(len(t_ns), bool), circuit="record", normal=int(entry.normal)
-        )
-        channel = channels.setdefault(entry.number, zeros)
-        channel.values[np.searchsorted(t_ns, entry.t_ns) :] = entry.on
-    return _poles(log, t_ns) + list(channels.values())
+        channel = StatusChannel(entry.name, NO_STATES, circuit="record", normal=int(entry.normal))
+        own = found.setdefault(entry.number, _Changing(channel, [], [], before=False))
+        own.t_ns.append(entry.t_ns)
+        own.on.append(bool(entry.on))
+    return list(found.values())
 
 
-def _poles(log: Log, t_ns: NDArray[np.int64]) -> list[StatusChannel]:
+def _poles(log: Log) -> list[_Changing]:
     """Each breaker's poles, on where closed."""
-    channels = []
+    found = []
     for breaker in log.breakers:
         entries = [entry for entry in log.breaker_states if entry.topic == f"/breaker/{breaker}"]
+        t_ns = [entry.t_ns for entry in entries]
         for pole in "abc":
-            values = np.ones(len(t_ns), bool)
-            for entry in entries:
-                values[np.searchsorted(t_ns, entry.t_ns) :] = entry.fields[f"pole_{pole}"]
-            channels.append(StatusChannel(f"{breaker} {pole.upper()}", values, pole.upper(), breaker, 1))
-    return channels
-
-
-def _rates(t_ns: NDArray[np.int64]) -> tuple[Rate, ...]:
-    """The sampling rate; none, so that the stamps count, where samples are left out."""
-    if len(t_ns) < 2:
-        return (Rate(1.0, len(t_ns)),)
-    steps = np.diff(t_ns)
-    if steps.max() > 1.5 * np.median(steps):
-        return ()
-    return (Rate(float(round((len(t_ns) - 1) * SECOND_NS / int(t_ns[-1] - t_ns[0]))), len(t_ns)),)
+            channel = StatusChannel(f"{breaker} {pole.upper()}", NO_STATES, pole.upper(), breaker, 1)
+            closed = [bool(entry.fields[f"pole_{pole}"]) for entry in entries]
+            found.append(_Changing(channel, t_ns, closed, before=True))
+    return found
 
 
 def _frequency(log: Log) -> float:

@@ -16,6 +16,7 @@ from faultloop.io.messages import (
     LOOP_IMPEDANCES,
     LOOPS,
     PHASORS,
+    SAMPLED,
     SAMPLED_VALUES,
     Message,
     values,
@@ -52,6 +53,29 @@ class RelayRows:
 
     def __len__(self) -> int:
         return len(self.t_ns)
+
+    def at(self, t_ns: Times) -> RelayRows:
+        """The same on a clock that has these times and more: NaN, and no bit, where there is no row."""
+        if np.array_equal(t_ns, self.t_ns):
+            return self
+        place = np.searchsorted(t_ns, self.t_ns)
+
+        def wider(array: np.ndarray, absent: float) -> np.ndarray:
+            out = np.full((len(t_ns), *array.shape[1:]), absent, array.dtype)
+            out[place] = array
+            return out
+
+        return RelayRows(
+            self.name,
+            t_ns,
+            wider(self.samples, np.nan),
+            wider(self.phasors, np.nan),
+            wider(self.frequency, np.nan),
+            wider(self.loops, np.nan),
+            wider(self.pickup, 0),
+            wider(self.operate, 0),
+            self.bits,
+        )
 
     @property
     def interval_ns(self) -> float:
@@ -99,17 +123,17 @@ def relay_rows(
     relay: str,
     from_ns: int | None = None,
     to_ns: int | None = None,
-    leave_out: Message | None = None,
+    kinds: Sequence[Message] = SAMPLED,
 ) -> RelayRows:
-    """All that the log has of ``relay`` between two times (the second not included; everything where they are
-    not given), without the values of one kind of message.  Raises InputError where its content is damaged."""
+    """What the log has of ``relay`` between two times (the second not included; everything where they are not
+    given), of some kinds of messages or all.  Raises InputError where its content is damaged."""
     span = () if from_ns is None and to_ns is None else (from_ns, to_ns)
 
     def rows(message: Message) -> np.ndarray | None:
         topic = message.topic_for(relay)
-        return log.array(topic, *span) if topic in log.topics and message is not leave_out else None
+        return log.array(topic, *span) if topic in log.topics and message in kinds else None
 
-    found = {m.name: rows(m) for m in (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)}
+    found = {message.name: rows(message) for message in SAMPLED}
     clocks = [array["t_ns"] for array in found.values() if array is not None]
     t_ns = clocks[0] if clocks else np.empty(0, np.int64)
     if any(not np.array_equal(t_ns, other) for other in clocks) or (np.diff(t_ns) <= 0).any():
@@ -117,11 +141,12 @@ def relay_rows(
 
     def matrix(message: Message, columns: int) -> NDArray[np.float64]:
         array = found[message.name]
-        if array is not None and len(array) == len(t_ns) and np.array_equal(array["t_ns"], t_ns):
+        if array is None:
+            return np.broadcast_to(np.nan, (len(t_ns), columns))
+        if len(array) == len(t_ns) and np.array_equal(array["t_ns"], t_ns):
             return values(array)
         out = np.full((len(t_ns), columns), np.nan)
-        if array is not None and len(array):
-            out[np.searchsorted(t_ns, array["t_ns"])] = values(array)
+        out[np.searchsorted(t_ns, array["t_ns"])] = values(array)
         return out
 
     words = np.zeros((2, len(t_ns)), np.uint64)
@@ -135,7 +160,7 @@ def relay_rows(
         relay,
         t_ns,
         matrix(SAMPLED_VALUES, len(CHANNELS)),
-        phasors[:, 0:12:2] + 1j * phasors[:, 1:12:2],
+        _complex_pairs(phasors[:, :12]),
         phasors[:, 12],
         _complex_pairs(matrix(LOOP_IMPEDANCES, 2 * len(LOOPS))),
         words[0],
@@ -145,7 +170,10 @@ def relay_rows(
 
 
 def _complex_pairs(pairs: NDArray[np.float64]) -> NDArray[np.complex128]:
-    return pairs[:, 0::2] + 1j * pairs[:, 1::2]
+    """Real and imaginary parts side by side (n, 2 k) as (n, k); a view, where they lie so in memory."""
+    return (
+        pairs.copy().view(np.complex128) if pairs.strides[-1] != pairs.itemsize else pairs.view(np.complex128)
+    )
 
 
 def change_before(rows: RelayRows, pickup_ns: int, cycle_ns: float) -> int | None:

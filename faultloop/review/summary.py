@@ -91,15 +91,24 @@ def _nominal_hz(log: Log, scenario: dict[str, Any], relays: dict[str, Survey]) -
 
 def find_inception(log: Log) -> Inception:
     """When the fault began, and how that is known."""
-    relays = {name: survey(log, name) for name in log.relays}
-    return _inception(log, relays, 1e9 / _nominal_hz(log, recorded_scenario(log), relays))
+    told = _told_inception(log)
+    if told is not None:
+        return told
+    surveys = {name: survey(log, name) for name in log.relays}
+    return _inception(log, surveys, 1e9 / _nominal_hz(log, recorded_scenario(log), surveys))
+
+
+def _told_inception(log: Log) -> Inception | None:
+    """As the plant wrote it."""
+    first = next((entry.t_ns for entry in log.faults if entry.on), None)
+    return None if first is None else Inception(first, "plant", "as the plant applied the fault")
 
 
 def _inception(log: Log, relays: dict[str, Survey], cycle_ns: float) -> Inception:
     """Time zero: the truth where the plant wrote it, else from the samples before the first pickup."""
-    applied = [entry.t_ns for entry in log.faults if entry.on]
-    if applied:
-        return Inception(applied[0], "plant", "as the plant applied the fault")
+    told = _told_inception(log)
+    if told is not None:
+        return told
     pickups = [(first, name) for name, rows in relays.items() if (first := rows.first_pickup()) is not None]
     if not pickups:
         return Inception(None, None, "no fault in the log and no pickup: times count from the log's start")

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import CHANNELS, LOOP_IMPEDANCES
+from faultloop.io.messages import CHANNELS, ELEMENTS, PHASORS, SAMPLED_VALUES
 from faultloop.review.rows import RelayRows, Span, relay_rows
 
+SURVEYED = (SAMPLED_VALUES, PHASORS, ELEMENTS)
 _DONE: WeakKeyDictionary[Log, dict[str, Survey]] = WeakKeyDictionary()
 
 
@@ -127,6 +128,6 @@ def survey(log: Log, relay: str) -> Survey:
         found = {name: Survey(name) for name in log.relays}
         for span in log.windows():
             for name, own in found.items():
-                own.take(relay_rows(log, name, *span, leave_out=LOOP_IMPEDANCES))
+                own.take(relay_rows(log, name, *span, kinds=SURVEYED))
         _DONE[log] = found
     return _DONE[log][relay]
