@@ -11,6 +11,7 @@ from faultloop.config.override import SETTING_PARTS, overridden, set_key, settin
 from faultloop.config.place import RelayPlace
 from faultloop.errors import InputError, nearest
 from faultloop.loop.scenario import AnyScenario, Scenario
+from faultloop.nodes.roster import seal
 from faultloop.relay import Relay, RelaySettings, load_settings
 from faultloop.relay.named_code import refuse_user_code
 
@@ -84,6 +85,7 @@ def _load(
         scenario = Scenario.read(scenario, own)
     elif own:
         raise InputError(f"'{own[0]}' needs the scenario's file, not a Scenario", key="overrides")
+    seal(scenario)  # keys that are wrong are found before anything is compiled
     names = [place.name for place in scenario.relay]
     for name in given:
         if name not in names:

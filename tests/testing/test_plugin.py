@@ -14,6 +14,8 @@ from faultloop.jit import cache_root
 pytest_plugins = ["pytester"]
 
 COMPILED = cache_root()  # pytester changes the home folder
+NUMBER = re.compile(r"\d+\.\d+")
+"""Times in the documented output: the relay's, not the plugin's."""
 QUIET = ("-n", "0", "-p", "no:cacheprovider", "-q")
 
 
@@ -121,7 +123,7 @@ def test_a_failure_says_what_happened_instead(project: pytest.Pytester, root: Pa
     done.assert_outcomes(failed=6, passed=1, errors=1)
     done.stdout.fnmatch_lines(
         [
-            *[f"*{line.strip()}" for line in documented],
+            *[f"*{NUMBER.sub('*', line.strip())}" for line in documented],
             "*faultloop: A-G in zone 1*",
             "*QA open poles ABC received from RA",
         ]
