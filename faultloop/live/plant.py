@@ -12,7 +12,7 @@ from faultloop.live.clock import RunClock
 from faultloop.loop.pacing import Deadlines, Percentiles
 from faultloop.loop.recording import PLANT_EVENTS, Recorder
 from faultloop.loop.scenario import Scenario
-from faultloop.nodes.clock import SECOND_NS
+from faultloop.nodes.clock import SECOND_NS, SampleClock
 from faultloop.nodes.plant import PlantNode
 
 LATE_NS = SECOND_NS // 10
@@ -36,7 +36,7 @@ class PlantProcess:
         self.scenario = scenario
         self.node = PlantNode(scenario, 0, self._report, self._changed)
         self._recorder = Recorder([])
-        self._deadlines = Deadlines(SECOND_NS // scenario.system.sampling_hz)
+        self._deadlines = Deadlines(SampleClock(scenario.system.sampling_hz).ns(1))
         self._cycle = scenario.system.sampling_hz // gcd(
             scenario.system.sampling_hz, scenario.system.frequency_hz
         )
@@ -69,7 +69,7 @@ class PlantProcess:
     def _join(self, t_ns: int) -> None:
         """Begin at the next whole cycle that leaves time to build the network anew."""
         hz = self.scenario.system.sampling_hz
-        soon = (t_ns + SECOND_NS // 4) * hz // SECOND_NS
+        soon = SampleClock(hz).first_from(t_ns + SECOND_NS // 4)
         first = -(-soon // self._cycle) * self._cycle
         self.node = PlantNode(self.scenario, first, self._report, self._changed)
         at_ns = self.node.sample_ns(first)

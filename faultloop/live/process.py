@@ -21,11 +21,12 @@ from typing import Any, Protocol
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, decode
 from faultloop.io.can.table import PLANT_NODE, TICK_NS
-from faultloop.live.clock import SECOND_NS, RunClock
+from faultloop.live.clock import RunClock
 from faultloop.live.link import Link
 from faultloop.live.transmit_queue import TransmitQueue
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
+from faultloop.nodes.clock import SampleClock
 
 LONGEST_WAIT_S = 0.1
 """A node looks at least so often whether it shall end."""
@@ -136,7 +137,7 @@ def plant_clock(
 def _time_of_plant(frame: Frame, sampling_hz: int) -> int | None:
     message = decode(frame)
     if isinstance(message, SampledValues):
-        return message.sample_count * SECOND_NS // sampling_hz
+        return SampleClock(sampling_hz).ns(message.sample_count)
     if isinstance(message, Heartbeat) and message.number == PLANT_NODE:
         return message.time * TICK_NS
     return None

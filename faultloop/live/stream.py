@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from faultloop.io.can.frames import Frame, SampledValues, decode
 from faultloop.io.can.table import CURRENT_LSB, VOLTAGE_LSB
+from faultloop.nodes.clock import SECOND_NS, SampleClock
 
-SECOND_NS = 1_000_000_000
 BRIDGED = 2
 """Missing samples in a row that are interpolated, as subscribers of merging units do; more break the rows."""
 AHEAD_NS = SECOND_NS
@@ -43,7 +43,7 @@ class SampleStream:
         """Of them, those that were interpolated."""
         self.rejected = 0
         """Frames that were not a new, valid sample."""
-        self._sampling_hz = sampling_hz
+        self._clock = SampleClock(sampling_hz)
         self._cycle = cycle
         self._last: tuple[float, ...] | None = None
         self._segment: _Segment | None = None
@@ -68,7 +68,7 @@ class SampleStream:
         return True
 
     def _implausible(self, t_ns: int, message: SampledValues) -> bool:
-        ahead_ns = message.sample_count * SECOND_NS // self._sampling_hz - t_ns
+        ahead_ns = self._clock.ns(message.sample_count) - t_ns
         again = message.sample_count < self.next_count
         return again or ahead_ns > AHEAD_NS or any(math.isnan(value) for value in message.values)
 

@@ -1,9 +1,10 @@
 """Plant and relays, run ahead of the bus.
 
-They are advanced in long blocks, on the assumption that nothing will come from the bus meanwhile; a block
-ends with the first sample at which a relay's output, a pole or a fault changed. The bus then follows; where a
-relay's input changes or a breaker is commanded, what was run beyond that instant is forgotten, and run again
-with it: the same, bit for bit, as sample by sample, and a repetition that everybody has heard costs nothing.
+They are advanced in long blocks, on the assumption that nothing will come from the bus meanwhile: the plant
+to its next change, each relay over what the plant has made to its own.  The bus then follows to the first of
+these changes.  Where a relay's input changes, that relay's block, and where a breaker is commanded, that of
+all is forgotten beyond that instant, and run again with it: the same, bit for bit, as sample by sample, and a
+repetition that everybody has heard costs nothing.
 """
 
 from __future__ import annotations
@@ -16,16 +17,65 @@ from faultloop.plant import Plant
 from faultloop.relay import Event, Relay
 
 
+class Part(NamedTuple):
+    """A relay's share in a piece; it `ends` where the relay's block does, at which its outputs may change."""
+
+    block: RelayBlock
+    events: list[Event]
+    ends: bool
+
+
 class Piece(NamedTuple):
     """What `Ahead.take` gives: `length` samples from number `first` on, of the relays that run, by number.
 
-    It `ends` where the block does: then the block's changes are its own.
+    It `ends` where the plant's block does: then the plant's changes are its own.
     """
 
     first: int
     length: int
     ends: bool
-    relays: dict[int, tuple[RelayBlock, list[Event]]]
+    relays: dict[int, Part]
+
+
+class _RelayAhead:
+    """A relay and the block that it has run ahead, samples `first` to `end`."""
+
+    def __init__(self, relay: Relay) -> None:
+        self.relay = relay
+        self.first = self.end = 0
+        self._before: Any = None
+        self._block: RelayBlock | None = None
+
+    def make(self, samples: Any) -> None:
+        """The next block, over samples of the plant from `end` on."""
+        self._before = self.relay.save()
+        self.first = self.end
+        self._run(samples)
+
+    def _run(self, samples: Any) -> None:
+        done = self.relay.advance(samples)
+        self.end = self.first + done
+        self._block = RelayBlock.of(self.relay, samples[:done])
+
+    def part(self, start: int, stop: int) -> Part:
+        """Of samples `start` to `stop`."""
+        assert self._block is not None
+        events = [event for event in self.relay.events if start <= event.sample_count < stop]
+        block = self._block.piece(start - self.first, stop - self.first)
+        return Part(block, events, stop == self.end)
+
+    def go_back(self, sample: int) -> None:
+        """To where it was before that sample."""
+        if sample < self.end and self._block is not None:
+            self.relay.restore(self._before)
+            if sample > self.first:
+                self._run(self._block.samples[: sample - self.first])
+            self.end = sample
+
+    def skip_to(self, sample: int) -> None:
+        """It was away until that sample."""
+        self.first = self.end = sample
+        self._block = None
 
 
 class Ahead:
@@ -38,70 +88,53 @@ class Ahead:
 
     def __init__(self, plant: Plant, relays: Sequence[Relay]) -> None:
         self.plant = plant
-        self.relays = relays
-        self._running: tuple[int, ...] = tuple(range(len(relays)))
-        self._first = 0
-        self._made = self._taken = 0
-        self._before: tuple[Any, list[Any]] | None = None
-        self._blocks: dict[int, tuple[RelayBlock, list[Event]]] = {}
-
-    @property
-    def sample_count(self) -> int:
+        self._relays = [_RelayAhead(relay) for relay in relays]
+        self._running = tuple(range(len(relays)))
+        self._first = self._end = 0  # of the plant's block
+        self._before: Any = None
+        self.sample_count = 0
         """Number of the next sample that `take` gives."""
-        return self._first + self._taken
 
     @property
     def left(self) -> int:
         """How many samples are made and not taken."""
-        return self._made - self._taken
+        return min([self._end, *(self._relays[i].end for i in self._running)]) - self.sample_count
+
+    def make(self, count: int) -> None:
+        """Run ahead where somebody has nothing left; the plant by up to `count` samples."""
+        plant, now = self.plant, self.sample_count
+        if self._end == now:
+            self._before, self._first = plant.save(), now
+            self._end = now + plant.advance(count)
+        for i in self._running:
+            if self._relays[i].end == now:
+                self._relays[i].make(plant.samples[now - self._first : self._end - self._first, i])
 
     def take(self, count: int) -> Piece:
         """The next samples, up to `count` of those that are `left`."""
-        start = self._taken
-        self._taken = stop = min(start + count, self._made)
-        first, last = self._first + start, self._first + stop
-        relays = {
-            i: (block.piece(start, stop), [e for e in events if first <= e.sample_count < last])
-            for i, (block, events) in self._blocks.items()
-        }
-        return Piece(first, stop - start, stop == self._made, relays)
+        start = self.sample_count
+        self.sample_count = stop = start + min(count, self.left)
+        relays = {i: self._relays[i].part(start, stop) for i in self._running}
+        return Piece(start, stop - start, stop == self._end, relays)
 
-    def make(self, count: int) -> None:
-        """Run ahead up to `count` samples, where none is `left`."""
-        plant, relays = self.plant, [(i, self.relays[i]) for i in self._running]
-        self._first, self._taken = self._first + self._made, 0
-        self._before = plant.save(), [relay.save() for _, relay in relays]
-        produced = done = plant.advance(count)
-        reached = []
-        for i, relay in relays:
-            done = relay.advance(plant.samples[:done, i])
-            reached.append(done)
-        # Whoever ran past the first change goes back and stops with it.
-        for (i, relay), before, m in zip(relays, self._before[1], reached, strict=True):
-            if m > done:
-                relay.restore(before)
-                relay.advance(plant.samples[:done, i])
-        if produced > done:
-            plant.restore(self._before[0])
-            plant.advance(done)
-        self._made = done
-        self._blocks = {
-            i: (RelayBlock.of(relay, plant.samples[:done, i]), relay.events) for i, relay in relays
-        }
+    def settle_relay(self, number: int) -> None:
+        """Before an input of a relay changes: it is where the last `take` has ended, and not beyond."""
+        self._relays[number].go_back(self.sample_count)
 
     def settle(self) -> None:
-        """Before an input changes: plant and relays are where the last `take` has ended, and not beyond."""
-        if self._taken < self._made and self._before is not None:
-            self.plant.restore(self._before[0])
-            for i, before in zip(self._running, self._before[1], strict=True):
-                self.relays[i].restore(before)
-            if self._taken:
-                self.plant.advance(self._taken)
-                for i in self._running:
-                    self.relays[i].advance(self.plant.samples[: self._taken, i])
-        self._made = self._taken
+        """Before a breaker is commanded: so are plant and relays."""
+        now = self.sample_count
+        for i in self._running:
+            self._relays[i].go_back(now)
+        if now < self._end:
+            self.plant.restore(self._before)
+            if now > self._first:
+                self.plant.advance(now - self._first)
+            self._end = now
 
     def run_only(self, running: Sequence[int]) -> None:
         """From here on these relays run; the others' samples are nobody's."""
         self.settle()
+        for i in set(running) - set(self._running):
+            self._relays[i].skip_to(self.sample_count)
         self._running = tuple(running)

@@ -137,21 +137,21 @@ class ClosedLoop:
     def _take(self, count: int) -> None:
         """The next samples that were made have happened."""
         piece = self._ahead.take(count)
-        for i, (block, _) in piece.relays.items():
-            self.recorder.block(self._relay_names[i], self.clock, piece.first, block)
+        last_ns = self.clock.ns(piece.first + piece.length - 1)
+        for i, part in piece.relays.items():
+            self.recorder.block(self._relay_names[i], self.clock, piece.first, part.block)
         if piece.ends:
-            self._record_plant(self.clock.ns(piece.first + piece.length - 1))
-        for i, (block, events) in piece.relays.items():
-            self._record_events(i, events)
-            if piece.ends:
-                self._set(i, self.clock.ns(piece.first + piece.length - 1), block.phasors[-1])
+            self._record_plant(last_ns)
+        for i, part in piece.relays.items():
+            self._record_events(i, part.events)
+            if part.ends:
+                self._set(i, last_ns, part.block.phasors[-1])
 
     def _reach(self, t_ns: int) -> None:
         """Something happens at `t_ns`: the samples before it are as they are, those after it are not yet."""
         count = self.clock.first_from(t_ns) - self._ahead.sample_count
         if count > 0:
             self._take(count)
-        self._ahead.settle()
 
     def _record_plant(self, t_ns: int) -> None:
         """Poles and faults that the block, which ends at `t_ns`, changed.
@@ -194,12 +194,14 @@ class ClosedLoop:
         inputs = RelayInputs(node.breaker_closed, node.pilot_received)
         if inputs != self.relays[relay].inputs:
             self._reach(t_ns)
+            self._ahead.settle_relay(relay)
             self.relays[relay].inputs = inputs
 
     def obey(self, breaker: int, command: Command) -> None:
         """A breaker acts on an accepted command; this is the time that a trip's report states."""
         name = self._breaker_names[breaker]
         self._reach(command.t_ns)
+        self._ahead.settle()
         self.plant.command(name, command.operation, command.poles, command.t_ns)
         relay = self.scenario.relay[command.relay].name
         self.recorder.breaker(name, command.t_ns, self.plant.closed(name), command.operation, relay)
@@ -210,6 +212,7 @@ class ClosedLoop:
         """The status of a breaker that is somebody else's moves the plant."""
         name = self._breaker_names[breaker]
         self._reach(t_ns)
+        self._ahead.settle()
         self.plant.command(name, movement.operation, movement.poles, t_ns)
         text = f"status {movement.operation}, poles {pole_names(movement.poles)}"
         self._event(t_ns, name, "info", text, f"/breaker/{name}/events")
@@ -217,6 +220,7 @@ class ClosedLoop:
     def restart(self, relay: int, t_ns: int, *, begins: bool) -> None:
         """A relay goes, or is back: cold, and remembers nothing."""
         self._reach(t_ns)
+        self._ahead.settle()
         if begins:
             self._away.add(relay)
         else:
@@ -228,6 +232,7 @@ class ClosedLoop:
     def closed(self, breaker: int, t_ns: int) -> int:
         """Mask of a breaker's poles that conduct."""
         self._reach(t_ns)
+        self._ahead.settle()
         return self.plant.closed(self._breaker_names[breaker])
 
 

@@ -7,7 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from faultloop.config.override import SETTING_PARTS, overridden, set_key, setting_of, split_override
+from faultloop.config.override import (
+    PLACE_TABLES,
+    SETTING_PARTS,
+    overridden,
+    set_key,
+    setting_of,
+    split_override,
+)
 from faultloop.config.place import RelayPlace
 from faultloop.errors import InputError, nearest
 from faultloop.loop.scenario import AnyScenario, Scenario
@@ -17,10 +24,6 @@ from faultloop.relay.named_code import refuse_user_code
 
 Given = RelaySettings | Mapping[str, Any]
 """Settings as an object, or as the dict that a file's TOML would be."""
-
-PLACE_TABLES = frozenset(
-    name for name, field in RelayPlace.model_fields.items() if "FrontEnd" in str(field.annotation)
-)
 
 
 class Inputs(NamedTuple):

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from faultloop.io.comtrade.resample import sample_numbers, sample_times
 from faultloop.io.mcap_reader import open_log
-from faultloop.loop.outcome import EventText, pole_names
+from faultloop.loop.outcome import Cast, EventText, Fold, Outcome, pole_names
 from faultloop.loop.played import Choices, Played, from_comtrade, from_log
 from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
 from faultloop.loop.runner import interruptible
+from faultloop.nodes.clock import SampleClock
 from faultloop.relay import Relay, RelayInputs, RelaySettings, load_settings
 from faultloop.relay.named_code import refuse_user_code
 
 if TYPE_CHECKING:
     from faultloop.io.rerun_sink import RerunSink
 
-SECOND_NS = 1_000_000_000
 BLOCK = 240
 NAME = "replay"
 """What the relay is called in the log."""
@@ -70,6 +70,13 @@ class ReplayResult:
     memory: MemorySink | None = None
     rerun: RerunSink | None = None
     interrupted: bool = False
+
+    def take(self, outcome: Outcome) -> None:
+        """What the messages came to."""
+        self.events = outcome.events
+        self.trips = [
+            ReplayTrip(t.function, t.zone, t.loop, t.poles, t.sample_count, t.t_ns) for t in outcome.trips
+        ]
 
     def samples(self) -> np.ndarray:
         """Sampled values (n,), as the relay saw them."""
@@ -163,7 +170,8 @@ def replay(
     memory = MemorySink() if log is None else None
     metadata, attachments = _describe(record, own, choices)
     streams = open_streams(played.start_ns, log, rerun, record.stem, metadata, attachments)
-    recorder = Recorder(streams.sinks)
+    fold = Fold(Cast({NAME: None}, ()))
+    recorder = Recorder([fold, *streams.sinks])
     if memory is not None:
         recorder.sinks.append(memory)
     result = ReplayResult(
@@ -174,7 +182,7 @@ def replay(
         {},
         {},
         float("nan"),
-        int(played.numbers[-1] + 1 - played.numbers[0]) * SECOND_NS // own.relay.sampling_hz,
+        SampleClock(own.relay.sampling_hz).ns(int(played.numbers[-1] + 1 - played.numbers[0])),
         played.notes,
         played.warnings,
         None if log is None else Path(log),
@@ -185,6 +193,7 @@ def replay(
         with interruptible(result):
             _Playing(relay, played, recorder, result).run()
         recorder.close()  # interrupted: whole, as far as it came
+        result.take(fold.outcome())
     except BaseException:
         recorder.abort()
         if streams.log is not None:
@@ -266,11 +275,7 @@ class _Playing:
             at_ns = self._t_ns(event.sample_count)
             self._tell(at_ns, event.level, event.text)
             if event.trip is not None:
-                t = event.trip
-                result.trips.append(
-                    ReplayTrip(t.function, t.zone, t.loop, t.poles, event.sample_count, at_ns)
-                )
-                self.recorder.trip(NAME, at_ns, event.sample_count, t)
+                self.recorder.trip(NAME, at_ns, event.sample_count, event.trip)
 
     def _turn(self, number: int) -> complex:
         """What turns the phasors of a relay that starts at this sample to the record's first as reference.
@@ -307,7 +312,6 @@ class _Playing:
         return int(sample_times(np.array([number]), self.rate)[0])
 
     def _tell(self, t_ns: int, level: str, text: str) -> None:
-        self.result.events.append(EventText(t_ns, NAME, level, text))
         self.recorder.event(f"/relay/{NAME}/events", t_ns, level, text, NAME)
 
 

@@ -60,7 +60,7 @@ def test_what_was_run_too_far_is_forgotten() -> None:
                 if not ahead.left:
                     ahead.make(block)
                 piece = ahead.take(stop - ahead.sample_count)
-                ((rows_of_piece, _),) = piece.relays.values()
+                ((rows_of_piece, _, _),) = piece.relays.values()
                 rows.append(np.hstack([rows_of_piece.samples, rows_of_piece.phasors]))
             ahead.settle()
             assert plant.sample_count == relay.sample_count == stop

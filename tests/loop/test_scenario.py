@@ -8,7 +8,8 @@ from typing import Any, get_args
 
 import pytest
 
-from faultloop.config.override import apply_override
+from faultloop.config.override import PLACE_TABLES, apply_override
+from faultloop.config.place import RelayPlace
 from faultloop.errors import InputError
 from faultloop.loop.scenario import Scenario, load_scenario
 from tests.examples import scenario
@@ -117,3 +118,9 @@ def test_every_key_is_documented(root: Path) -> None:
         assert table is not None
         for key, inner in table.model_fields.items():
             assert f"`{inner.alias or key}`" in text, f"{name}.{key}"
+
+
+def test_tables_of_a_relays_place_are_no_settings() -> None:
+    """`relay.RA.front_end.adc_bits` is a key of the scenario; what is one is listed once."""
+    tables = {name for name, field in RelayPlace.model_fields.items() if "FrontEnd" in str(field.annotation)}
+    assert tables == set(PLACE_TABLES)
