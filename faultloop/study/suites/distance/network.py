@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from faultloop.relay import RelaySettings
+
 BASE_KV = 220.0
 LINE = {
     "r1_ohm_per_km": 0.06, "x1_ohm_per_km": 0.40, "b1_us_per_km": 2.8,
@@ -31,6 +33,8 @@ NEVER_MS = 1e5
 """Operating time of the breaker: no test of a trip is cut short by what the trip does."""
 
 Tables = dict[str, Any]
+IDEAL_VT: Tables = {"vt": {"kind": "ideal"}} if "vt" in RelaySettings.model_fields else {}
+"""What the relays are told of their voltage transformer, if they ask; a capacitive one is never told."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +129,8 @@ class Network:
             "line": {"z1_ohm": [z1.real, z1.imag], "z0_ohm": [z0.real, z0.imag]},
             "pdis": list(zones),
         }
-        return own | {name: table for name, table in tables.items() if table is not None}
+        own |= IDEAL_VT | tables
+        return {name: table for name, table in own.items() if table is not None}
 
     def mho(self, reach_pu: float = REACH, **keys: Any) -> Tables:
         """A zone."""

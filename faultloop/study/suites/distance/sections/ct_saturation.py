@@ -76,7 +76,7 @@ def fault_current_a(network: Network, place: float) -> float:
 
 
 def sweeps(quick: bool) -> dict[str, Sweep]:
-    vary = {"type": ("BC",) if quick else ("AG", "BC", "CAG", "ABC"), "angle": angles(1 if quick else 6)}
+    vary = {"type": ("BC",) if quick else ("AG", "BC", "CAG", "ABC"), "angle": angles(1 if quick else 4)}
     found = {}
     places = (0.02, 1.0) if quick else (-1.0, *CLOSE_IN, *INSIDE, *FAR)
     x_over_r = Network().z1_ohm.imag / Network().z1_ohm.real
@@ -99,7 +99,7 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     report.text.append(
         "A closed core (TPX) of 1200/5 A behind 2.5 + 0.5j ohm, whose knee is chosen for each place of "
         "the fault so that a fully offset three-phase fault current of it saturates the core after the "
-        "time told (10 % error), without remanence and with 50 %. Bolted faults at six angles: some have "
+        "time told (10 % error), without remanence and with 50 %. Bolted faults at four angles: some have "
         "the full offset, some none."
     )
     found = wrong(every)

@@ -21,7 +21,7 @@ SLOWEST_MS = 20.0
 
 def sweeps(quick: bool) -> dict[str, Sweep]:
     types = ("AG", "BC", "ABC") if quick else TYPES
-    vary = {"type": types, "angle": angles(1 if quick else 6)}
+    vary = {"type": types, "angle": angles(1 if quick else 4)}
     found = {}
     for sir in (1.0,) if quick else RATIOS:
         for load in (-30.0,) if quick else LOADS_DEG:

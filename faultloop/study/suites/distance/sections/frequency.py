@@ -29,7 +29,7 @@ NEAR_REACH = (0.68, 0.7, 0.72, 0.74, 0.76, 0.78, 0.82, 0.84, 0.86, 0.88, 0.9, 0.
 
 
 def sweeps(quick: bool) -> dict[str, Sweep]:
-    vary = {"type": ("BC",) if quick else ("AG", "BC", "ABC"), "angle": angles(1 if quick else 4)}
+    vary = {"type": ("BC",) if quick else ("AG", "BC", "ABC"), "angle": angles(1 if quick else 2)}
     found = {}
     for nominal in (50,) if quick else (50, 60):
         for deviation in (-0.1, 0.1) if quick else DEVIATIONS:

@@ -24,7 +24,7 @@ WORST_MS = {False: 20.0, True: 30.0}
 
 
 def sweeps(quick: bool) -> dict[str, Sweep]:
-    vary = {"type": ("AG", "BC") if quick else ("AG", "BC", "CAG", "ABC"), "angle": angles(1 if quick else 4)}
+    vary = {"type": ("AG", "BC") if quick else ("AG", "BC", "ABC"), "angle": angles(1 if quick else 3)}
     found = {}
     for model in ("bergeron",) if quick else MODELS:
         for km in (10.0, 300.0) if quick else LENGTHS:

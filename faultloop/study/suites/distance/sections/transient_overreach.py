@@ -18,7 +18,7 @@ from faultloop.study.suites.distance.sweep import TYPES, Sweep
 TITLE = "Transient overreach"
 RATIOS = {0.1: 100.0, 0.5: 100.0, 1.0: 100.0, 5.0: 100.0, 10.0: 100.0, 15.0: 25.0, 30.0: 25.0, 60.0: 25.0}
 """SIR, and the length of the line [km]."""
-BEYOND = (1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 25)
+BEYOND = (1, 2, 3, 5, 10, 25)
 """Percent beyond the reach."""
 LIMIT = 5.0
 RELAYS = {"MHO": "mho", "QUAD": "quadrilateral"}
@@ -28,14 +28,14 @@ def sweeps(quick: bool) -> dict[str, Sweep]:
     found = {}
     for sir in (1.0, 30.0) if quick else RATIOS:
         network = Network(sir=sir, length_km=RATIOS[sir])
-        vary = {"type": ("AG", "BC") if quick else TYPES, "angle": angles(2 if quick else 8)}
+        vary = {"type": ("AG", "BC") if quick else TYPES, "angle": angles(2 if quick else 6)}
         own = relays(network, *RELAYS)
         beyond = (5, 25) if quick else BEYOND
         found[f"overreach-sir-{sir:g}"] = Sweep(
             network, own, {"at": [REACH * (1 + b / 100) for b in beyond], **vary}
         )
         found[f"overreach-next-line-sir-{sir:g}"] = Sweep(
-            network, own, {"at": (0.0,) if quick else (0.0, 0.05, 0.2), **vary}, {"line": "BC", "at_pu": 0.0}
+            network, own, {"at": (0.0,) if quick else (0.0, 0.2), **vary}, {"line": "BC", "at_pu": 0.0}
         )
     return found
 
