@@ -11,7 +11,7 @@ from faultloop.loop.recording import MemorySink
 from faultloop.study.campaign.where import where_of
 from faultloop.study.diagram import Curve, Diagram, Surface, write_png
 from faultloop.study.suites import run_suite
-from faultloop.study.suites.distance import PARTS, section
+from faultloop.study.suites.distance import PARTS, module_of
 from faultloop.study.suites.distance.closed_form import measured, resistance_at
 from faultloop.study.suites.distance.network import Network
 from faultloop.study.suites.distance.rows import Rows, Times
@@ -49,7 +49,7 @@ def test_the_rows_are_what_a_run_of_the_case_says(tmp_path) -> None:
 @pytest.mark.parametrize("part", list(PARTS))
 def test_the_place_of_every_fault_is_what_the_network_says(part: str) -> None:
     """`depth` comes from lengths; the campaign's own oracle from the graph."""
-    for name, sweep in section(part).sweeps(True).items():
+    for name, sweep in module_of(part).sweeps(True).items():
         plan = sweep.plan(name)
         table_keys = sweep.vary
         columns = {

@@ -35,7 +35,7 @@ PARTS = {
 TAKES = ("workers", "keep")
 
 
-def section(part: str) -> Section:
+def module_of(part: str) -> Section:
     """The module of a part."""
     return cast("Section", import_module(f"faultloop.study.suites.distance.sections.{PARTS[part]}"))
 
@@ -55,7 +55,7 @@ def run(
     workers : processes; 1 runs in this one.
     keep : a folder for the campaigns' Parquet files; what is there is not run again.
     """
-    sweeps: dict[str, dict[str, Sweep]] = {part: section(part).sweeps(quick) for part in parts}
+    sweeps: dict[str, dict[str, Sweep]] = {part: module_of(part).sweeps(quick) for part in parts}
     together = {name: sweep for own in sweeps.values() for name, sweep in own.items()}
     folder = tempfile.TemporaryDirectory(prefix="faultloop-suite-") if keep is None else nullcontext(keep)
     with folder as place:
@@ -63,10 +63,10 @@ def run(
         rows = run_sweeps(together, Path(place), workers, progress)
     reports = []
     for part, own in sweeps.items():
-        report = Report(f"distance-{part}", section(part).TITLE)
+        report = Report(f"distance-{part}", module_of(part).TITLE)
         if quick:
             report.text.append("Quick: few of the cases.")
-        section(part).fill(report, {name: rows[name] for name in own})
+        module_of(part).fill(report, {name: rows[name] for name in own})
         report.text.append(f"{sum(sweep.cases for sweep in own.values())} cases.")
         reports.append(report)
     return reports
