@@ -183,9 +183,8 @@ STYLE = (
 
 def _for_page(figure: Any) -> None:
     """The legend under the plot, unless the figure has a place of its own: beside it on a telephone it would
-    leave no room for the plot.  The title stands over the figure, so that it needs no margin for one."""
-    if figure.layout.margin.t is None:
-        figure.update_layout(margin={"t": 40})
+    leave no room for the plot.  The margin at the top is that of plotly's buttons: the title stands above."""
+    figure.update_layout(margin={"t": 60})
     if figure.layout.legend.orientation is None:
         height = figure.layout.height or 450
         figure.update_layout(legend={"orientation": "h", "yanchor": "top", "y": -70 / height, "x": 0})

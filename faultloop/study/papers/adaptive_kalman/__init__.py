@@ -427,14 +427,16 @@ def _figure(s: Signals, current: bool, time_constant: float, claim_ms: float) ->
     figure.add_scatter(
         x=t, y=np.round(s.z[first:last, 0], 4), name="samples", line={"width": 1, "color": "#bbb"}
     )
+    largest = 1.5 * float(np.abs(s.z[first:last, 0]).max())
     for (name, rule), style in zip(rules_of(form).items(), STYLES, strict=True):
         size = np.abs(filtered(s, rule, form, time_constant)[first:last, 0])
+        if size[-1] > largest:
+            name += f" (off the scale: {size[-1]:.3g})"
         figure.add_scatter(x=t, y=np.round(size, 4), name=name, line=style)
     settled = float(np.abs(s.settled[0]))
     band = {"fillcolor": "#888", "opacity": 0.2, "line_width": 0}
     figure.add_hrect(y0=(1 - WITHIN) * settled, y1=(1 + WITHIN) * settled, **band)
     figure.add_vline(x=claim_ms, line_dash="dot", annotation_text="claim")
-    largest = 1.5 * float(np.abs(s.z[first:last, 0]).max())
     figure.update_layout(template="plotly_white", height=420, margin={"t": 20})
     figure.update_layout(legend={"orientation": "h", "y": -0.2})
     figure.update_xaxes(title="after the inception [ms]")

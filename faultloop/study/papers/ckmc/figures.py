@@ -68,7 +68,7 @@ def _four(what: Plan, lines: Sequence[tuple[str, str, NDArray[np.float64]]], sca
                 row=i + 1,
                 col=1,
             )
-    figure.update_xaxes(title_text="time [s]", row=4).update_yaxes(type=scale)
+    figure.update_xaxes(title_text="time [s]", row=4).update_yaxes(type=scale, exponentformat="power")
     return figure.update_layout(height=860, template="plotly_white")
 
 
@@ -81,5 +81,6 @@ def kernels(lines: Mapping[str, Mapping[float, float]]) -> Any:
         style = {"color": ("#1f6fb2", "#d98c1f")[place % 2], "dash": ("solid", "dot")[place // 2 % 2]}
         figure.add_scatter(x=list(line), y=light(list(line.values())), name=name, line=style)
     figure.update_xaxes(title="bandwidth", type="log", tickvals=[5, 10, 20, 50, 100, 200])
-    figure.update_yaxes(title="J; above 1 the track is lost", type="log", exponentformat="power")
+    title = "J; above 1 the track is lost"
+    figure.update_yaxes(title=title, type="log", dtick=1, exponentformat="power")
     return figure.update_layout(height=420, template="plotly_white")

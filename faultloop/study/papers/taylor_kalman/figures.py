@@ -60,7 +60,7 @@ def both_forms(found: Mapping[str, tuple[Array, Array]]) -> Any:
 
     figure = go.Figure(layout={"template": "plotly_white", "height": 420, "margin": {"t": 20}})
     for place, (name, (t, error)) in enumerate(found.items()):
-        style = {"color": COLOURS[place % 4], "dash": "dot" if "section" in name else "solid"}
+        style = {"color": COLOURS[place // 2 % 4], "dash": "dot" if "section" in name else "solid"}
         shown = t >= SETTLED_S
         figure.add_scatter(x=t[shown], y=np.maximum(error[shown], 1e-12), name=name, line=style)
     figure.update_xaxes(title="time [s]")
@@ -72,7 +72,7 @@ def _panels(titles: Sequence[str]) -> Any:
 
     figure = make_subplots(rows=4, shared_xaxes=True, subplot_titles=titles, vertical_spacing=0.05)
     figure.update_xaxes(title_text="time [s]", row=4)
-    figure.update_yaxes(tickformat=".3f", row=1)
+    figure.update_yaxes(tickformat=".3~f", row=1)
     return figure.update_layout(height=860, template="plotly_white", margin={"t": 40})
 
 
