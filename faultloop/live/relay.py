@@ -16,10 +16,10 @@ from faultloop.live.stream import SampleStream, quantised
 from faultloop.loop.pacing import Percentiles
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
+from faultloop.loop.warm import history
 from faultloop.nodes import FOREVER, relay_node
 from faultloop.nodes.block import RelayBlock
 from faultloop.nodes.clock import SampleClock
-from faultloop.plant import Plant
 from faultloop.relay import Relay, RelayInputs, load_settings
 
 SILENT_NS = 20_000_000
@@ -61,7 +61,7 @@ class RelayProcess:
         self._heard_ns = 0
         self._restarts = 0
         self.trips = 0
-        self.relay.warm_up(quantised(Plant(scenario).history(hz)[:, number]))
+        self.relay.warm_up(quantised(history(scenario)[:, number]))
         self._warm = self.relay.save(), self.relay.events
 
     def begin(self, recorder: Recorder, clock: RunClock) -> None:

@@ -10,7 +10,7 @@ is paid per change, not per sample or frame, and the result is the same, bit for
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from faultloop.loop.pacing import Deadlines
 from faultloop.loop.recording import PLANT_EVENTS, Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.traffic import Traffic
+from faultloop.loop.warm import warm_up
 from faultloop.nodes import FOREVER, Command, Movement, with_followed_breakers
 from faultloop.nodes.clock import SampleClock
 from faultloop.plant import Plant
@@ -44,7 +45,7 @@ class ClosedLoop:
     pace : simulated seconds per second of wall time; None runs as fast as it can.
     without : breakers that are not simulated: the plant follows the status that somebody else on the bus
         publishes for them.
-    warm_up : runs a relay over the samples before sample 0.
+    warm_up : has the relays run over the time before sample 0.
     """
 
     def __init__(
@@ -56,7 +57,7 @@ class ClosedLoop:
         pace: float | None = None,
         without: Collection[str] = (),
         *,
-        warm_up: Callable[[Relay, np.ndarray], None] = Relay.warm_up,
+        warm_up: Callable[[Scenario, Sequence[Relay]], None] = warm_up,
     ) -> None:
         self.scenario = scenario
         self._warm_up = warm_up
@@ -119,11 +120,10 @@ class ClosedLoop:
         self.deadlines.note(t_ns, round((time.monotonic() - started) * pace * 1e9))
 
     def _begin(self) -> None:
-        before = self.plant.history(self.clock.sampling_hz)  # a second: whole cycles at any nominal frequency
-        for i, (place, relay) in enumerate(zip(self.scenario.relay, self.relays, strict=True)):
+        for place, relay in zip(self.scenario.relay, self.relays, strict=True):
             self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
             self._cold.append(relay.save())
-            self._warm_up(relay, before[:, i])
+        self._warm_up(self.scenario, self.relays)
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
         for name in self._breaker_names:

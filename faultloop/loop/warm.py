@@ -1,35 +1,78 @@
-"""Relays that have been in service: a state that the very same samples have made is taken again."""
+"""Relays that have been in service when a run begins.
+
+They have run over a second of the steady state of the network as it stands without its faults: so it is the
+same one wherever a fault is, and of many cases the relays' states are made once.
+"""
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from hashlib import blake2b
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from faultloop.loop.scenario import Scenario
+from faultloop.plant import Plant
 from faultloop.relay import Relay
 
 KEPT = 256
 """States that are kept, the newest ones."""
+NO_MATTER = {"scenario": {"name", "duration_s", "start"}} | dict.fromkeys(
+    ("fault", "switching", "bus_fault", "can", "expect"), True
+)
+"""What has no part in the state before the run."""
+
+
+def history(scenario: Scenario) -> NDArray[np.float64]:
+    """The samples of a second before sample 0, (n, relays, 6): whole cycles at any nominal frequency."""
+    plant = Plant(scenario.model_copy(update={"fault": ()}))
+    return plant.history(plant.sampling_hz)
+
+
+def warm_up(scenario: Scenario, relays: Sequence[Relay]) -> None:
+    """Each relay, in the scenario's order, as it is at sample 0."""
+    before = history(scenario)
+    for i, relay in enumerate(relays):
+        relay.warm_up(before[:, i])
 
 
 class WarmStates:
     """What warm-ups have led to, by the relay and the bits of its samples."""
 
     def __init__(self) -> None:
+        self._digests: OrderedDict[str, list[bytes]] = OrderedDict()
+        """Of the samples of each relay, by what a scenario says of the time before the run."""
         self._states: OrderedDict[tuple[Relay, bytes], Any] = OrderedDict()
 
-    def warm_up(self, relay: Relay, samples: np.ndarray) -> None:
-        """`Relay.warm_up`, or what it led to before."""
-        key = (relay, blake2b(samples.tobytes(), digest_size=16).digest())
-        known = self._states.get(key)
-        if known is None:
-            relay.warm_up(samples)
-            self._states[key] = relay.save(), relay.events, relay.phasors[-1:].copy()
-            if len(self._states) > KEPT:
-                self._states.popitem(last=False)
-            return
-        self._states.move_to_end(key)
-        state, relay.events, relay.phasors = known
+    def warm_up(self, scenario: Scenario, relays: Sequence[Relay]) -> None:
+        """`warm_up`, or what it led to before."""
+        said = scenario.model_dump_json(by_alias=True, exclude=NO_MATTER)
+        digests = self._digests.get(said)
+        if digests is None or not all(key in self._states for key in zip(relays, digests, strict=True)):
+            digests = self._digests[said] = self._run(history(scenario), relays)
+        self._digests.move_to_end(said)
+        for key in zip(relays, digests, strict=True):
+            self._take(*key)
+        for kept in (self._digests, self._states):
+            while len(kept) > KEPT:
+                kept.popitem(last=False)
+
+    def _run(self, before: NDArray[np.float64], relays: Sequence[Relay]) -> list[bytes]:
+        """Warms up where that was never done; returns the digests of the relays' samples."""
+        digests = []
+        for i, relay in enumerate(relays):
+            samples = np.ascontiguousarray(before[:, i])
+            digests.append(blake2b(samples.tobytes(), digest_size=16).digest())
+            if (relay, digests[i]) not in self._states:
+                relay.warm_up(samples)
+                state = relay.save(), relay.events, relay.phasors[-1:].copy()
+                self._states[relay, digests[i]] = state
+        return digests
+
+    def _take(self, relay: Relay, digest: bytes) -> None:
+        self._states.move_to_end((relay, digest))
+        state, relay.events, relay.phasors = self._states[relay, digest]
         relay.restore(state)
