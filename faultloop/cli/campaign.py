@@ -34,8 +34,11 @@ def command(
 ) -> int:
     """Run many cases of a scenario; each gets a verdict.  What is there of it already is not run again."""
     from faultloop.cli.output import announce_compilation, case_bar, console, print_json
+    from faultloop.errors import InputError
     from faultloop.study.campaign import Campaign
 
+    if scheduler is not None and workers is not None:
+        raise InputError("cannot stand with --scheduler, which has workers of its own", key="--workers")
     announce_compilation()
     path = out if out is not None else Path("logs") / f"{campaign.stem}.parquet"
     prepared = Campaign.load(campaign, user_code=not no_user_code)
@@ -58,6 +61,8 @@ def command(
         out_ = console()
         out_.print(f"{summary.cases} cases, {summary.new} of them run now: {summary.right} right,", end=" ")
         out_.print(f"{summary.wrong} wrong, {summary.unjudged} unjudged, {summary.errors} failed")
+        if summary.first_error is not None:
+            out_.print(f"the first that failed: {summary.first_error}")
         out_.print(f"wrote {summary.out}")
     return 0
 

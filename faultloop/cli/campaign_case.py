@@ -18,6 +18,10 @@ def command(
     rerun: Annotated[
         str | None, typer.Option(metavar="spawn|serve|F.rrd|URL", help="Stream to a rerun viewer or file.")
     ] = None,
+    keys: Annotated[
+        Path | None,
+        typer.Option(metavar="KEYS.toml", help="The key file, of a case whose bus is authenticated."),
+    ] = None,
     no_user_code: Annotated[
         bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
     ] = False,
@@ -31,7 +35,9 @@ def command(
     announce_compilation()
     path = log if log is not None else Path("logs") / f"{file.stem}-{case}.mcap"
     with progress_bar("simulating") as progress:
-        again = run_again(file, case, log=path, rerun=rerun, user_code=not no_user_code, progress=progress)
+        again = run_again(
+            file, case, log=path, rerun=rerun, keys=keys, user_code=not no_user_code, progress=progress
+        )
     if json:
         told = {"case": case, "values": again.values, "differences": again.differences}
         print_json(told | {"row": again.row} | result_as_dict(again.result))

@@ -10,10 +10,6 @@ import typer
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
-ROW_BYTES = 60
-"""Of a campaign's file, per case (measured)."""
-FIXED_S, UNLOGGED = 0.005, 60
-"""Of a case without a log: seconds whatever its length, and seconds of one relay simulated in one."""
 LOG_BYTES = 620
 """Of a log, per relay and sample (measured)."""
 RELAYS_REAL_TIME = 40
@@ -88,10 +84,10 @@ def _settings(file: Path) -> dict[str, Any]:
 
 def _campaign(file: Path) -> dict[str, Any]:
     from faultloop.study.campaign import Campaign
+    from faultloop.study.campaign.cost import cost_of
 
     campaign = Campaign.load(file)
     first = campaign.case(0)
-    seconds = campaign.cases * (FIXED_S + first.scenario.scenario.duration_s * len(first.settings) / UNLOGGED)
     return {
         "kind": "campaign",
         "name": campaign.plan.tables.campaign.name,
@@ -99,8 +95,7 @@ def _campaign(file: Path) -> dict[str, Any]:
         "varied": list(campaign.plan.keys),
         "judges": len(campaign.plan.tables.judge),
         "relays": list(first.settings),
-        "core_seconds_about": round(seconds, 1),
-        "file_mb": round(campaign.cases * ROW_BYTES / 1e6, 1),
+        **cost_of(campaign.plan),
         "user_code": sorted({code for own in first.settings.values() for code in _code(own)}),
     }
 
@@ -112,6 +107,8 @@ def _code(settings: RelaySettings) -> list[str]:
 
 
 def _text(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {inner}" for name, inner in value.items())
     if isinstance(value, list):
         return ", ".join(map(str, value)) or "none"
     return str(value)

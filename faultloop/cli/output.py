@@ -101,9 +101,11 @@ def case_bar(cases: int) -> Iterator[Callable[[int, int], None] | None]:
         TimeRemainingColumn(compact=True),
     )
     with Progress(*columns, console=err, transient=True) as bar:
-        task = bar.add_task("cases", total=cases, rate="")
+        task = bar.add_task("cases", total=cases, rate="", start=False)
 
         def show(done: int, total: int) -> None:
+            if not bar.tasks[0].started:  # what was there before tells nothing of the rate
+                bar.reset(task, completed=done, total=total)
             bar.update(task, completed=done, total=total)
             speed = bar.tasks[0].speed
             bar.update(task, rate="" if not speed else f"{3600 * speed:,.0f} an hour")

@@ -63,7 +63,7 @@ def override_settings(data: Mapping[str, Any], key: str, value: Any) -> dict[str
     ------
     InputError : no such table, or no place for the key.  Whether the value is right is the settings' affair.
     """
-    result = _copy(data)
+    result = copied(data)
     set_key(result, key, value, first=1, said=key)
     return result
 
@@ -127,11 +127,11 @@ def _value(text: str) -> Any:
         return text
 
 
-def _copy(value: Any) -> Any:
+def copied(value: Any) -> Any:
     """Tables and arrays copied, values not."""
     if isinstance(value, Mapping):
-        return {key: _copy(item) for key, item in value.items()}
-    return [_copy(item) for item in value] if isinstance(value, list) else value
+        return {key: copied(item) for key, item in value.items()}
+    return [copied(item) for item in value] if isinstance(value, list) else value
 
 
 def _error(what: str) -> InputError:

@@ -104,14 +104,29 @@ def test_check_finds_what_is_wrong(capsys: Capture, tmp_path: Path) -> None:
         assert "did you mean 'fourier'" in refused(capsys, "check", tmp_path / "s.toml")
 
 
-@pytest.mark.parametrize("kind", ["scenario", "relay"])
+@pytest.mark.parametrize("path", sorted((ROOT / "campaigns").glob("*.toml")), ids=lambda path: path.stem)
+def test_check_of_a_campaign(capsys: Capture, path: Path) -> None:
+    told = json.loads(out_of(capsys, "check", path, "--json"))
+    assert told["kind"] == "campaign"
+    assert told["core_seconds_about"] > 0
+    assert told["file_mb_about"] > 0
+    # 6 samples, 14 numbers of phasors, 12 of loops, of four bytes each
+    kept = told["keep_mb_at_most"]
+    assert kept["phasors"] / kept["samples"] == pytest.approx(14 / 6, rel=0.01)
+    first = faultloop.Campaign.load(path).case(0).scenario
+    numbers = told["cases"] * 4800 * first.scenario.duration_s * len(told["relays"]) * 6
+    assert kept["samples"] == pytest.approx(4 * numbers / 1e6, rel=0.01)
+    assert "keep mb at most: samples " in out_of(capsys, "check", path)
+
+
+@pytest.mark.parametrize("kind", ["scenario", "relay", "campaign"])
 def test_schema(capsys: Capture, kind: str) -> None:
     schema = json.loads(out_of(capsys, "schema", kind))
     assert schema["$schema"].endswith("2020-12/schema")
     assert schema["additionalProperties"] is False
     assert kind in schema["properties"]
-    files = [AG] if kind == "scenario" else SETTINGS
-    for path in files:
+    campaigns = sorted((ROOT / "campaigns").glob("*.toml"))
+    for path in {"scenario": [AG], "relay": SETTINGS, "campaign": campaigns}[kind]:
         assert set(tomllib.loads(path.read_text(encoding="utf-8"))) <= set(schema["properties"])
 
 

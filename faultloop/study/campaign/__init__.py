@@ -13,6 +13,7 @@ from typing import Any
 from faultloop.config.campaign import CampaignTables
 from faultloop.config.tables import read_toml, validate
 from faultloop.errors import InputError
+from faultloop.nodes.roster import seal
 from faultloop.study.campaign.plan import Case, Files, Plan
 from faultloop.study.campaign.run import Progress, Summary, run_campaign
 from faultloop.study.campaign.waves import Waves
@@ -44,7 +45,10 @@ class Campaign:
         """
         tables = validate(CampaignTables, data, path)
         base = path.parent if path is not None else Path()
-        return cls(Plan(tables, Files.read(base / tables.campaign.scenario), path, user_code))
+        plan = Plan(tables, Files.read(base / tables.campaign.scenario), path, user_code)
+        if plan.key_files():
+            seal(plan.case(0).scenario)  # in one line here, not in each row
+        return cls(plan)
 
     @property
     def cases(self) -> int:
@@ -82,6 +86,8 @@ class Campaign:
         ------
         InputError : `out` cannot be written or is of another campaign, or a worker died.
         """
+        if float64 and not keep:
+            raise InputError("says how waves are kept: it needs --keep", key="--float64")
         waves = Waves(self.plan, keep, float64) if keep else None
         return run_campaign(self.plan, Path(out), workers, progress, waves, scheduler)
 

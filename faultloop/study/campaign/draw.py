@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from faultloop.config.campaign import Vary
 
 Array = NDArray[np.float64]
 SOBOL_BLOCK = 1024
+MOST_TRIED = 500
 
 
 def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:
@@ -31,25 +31,40 @@ def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:
 
 
 class Sobol:
-    """Points of a scrambled Sobol sequence (Owen, 1998) by their number."""
+    """Points of a scrambled Sobol sequence (Owen, 1998) by their number; in order they cost no more than one
+    after the other.
+    """
 
     def __init__(self, seed: int, places: int) -> None:
         self.seed, self.places = seed, places
+        self._engine: qmc.Sobol | None = None
         self._block: tuple[int, Array] = (-1, np.empty((0, places)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"seed": self.seed, "places": self.places}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state)
 
     def point(self, number: int) -> Array:
         """(places,) in (0, 1)."""
         block, row = divmod(number, SOBOL_BLOCK)
-        held, points = self._block
-        if held != block:
-            engine = qmc.Sobol(self.places, scramble=True, rng=np.random.default_rng(self.seed))
-            with warnings.catch_warnings():  # of a number of points that is no power of two
-                warnings.simplefilter("ignore", UserWarning)
-                if block:  # scipy cannot go on by nothing
-                    engine.fast_forward(block * SOBOL_BLOCK)
-                points = engine.random(SOBOL_BLOCK)
-            self._block = block, points
-        return np.clip(points[row], 2.0**-54, 1 - 2.0**-53)
+        if self._block[0] != block:
+            self._block = block, self._points(block)
+        return np.clip(self._block[1][row], 2.0**-54, 1 - 2.0**-53)
+
+    def _points(self, block: int) -> Array:
+        if self._engine is None or block <= self._block[0]:  # scipy cannot go back
+            self._engine, self._block = self._begun(), (-1, self._block[1])
+        ahead = (block - self._block[0] - 1) * SOBOL_BLOCK
+        with warnings.catch_warnings():  # of a number of points that is no power of two
+            warnings.simplefilter("ignore", UserWarning)
+            if ahead:  # nor on by nothing
+                self._engine.fast_forward(ahead)
+            return self._engine.random(SOBOL_BLOCK)
+
+    def _begun(self) -> qmc.Sobol:
+        return qmc.Sobol(self.places, scramble=True, rng=np.random.default_rng(self.seed))
 
 
 class Draws:
@@ -57,13 +72,13 @@ class Draws:
 
     def __init__(self, varied: Sequence[Vary], seed: int, sampling: str) -> None:
         self.varied, self.seed, self.sampling = varied, seed, sampling
-        self._listed = [None if vary.is_draw else vary.listed() for vary in varied]
+        self.listed = [None if vary.is_draw else vary.listed() for vary in varied]
         self._sobol = Sobol(seed, len(varied)) if sampling == "sobol" else None
 
-    @cached_property
+    @property
     def grid_size(self) -> int:
         """How many combinations a grid has."""
-        return math.prod(len(listed) for listed in self._listed if listed is not None)
+        return math.prod(len(listed) for listed in self.listed if listed is not None)
 
     def at(self, number: int, attempt: int = 0) -> dict[str, Any]:
         """The values of a combination of a grid (the last ``[[vary]]`` changes first), or of a drawn case."""
@@ -77,36 +92,45 @@ class Draws:
 
     def of(self, values: Sequence[Any]) -> dict[str, Any]:
         """By key, from one value for each ``[[vary]]``."""
-        return {
-            key: value if key not in vary.factor else value * vary.factor[key]
-            for vary, value in zip(self.varied, values, strict=True)
-            for key in vary.all_keys
-        }
+        found: dict[str, Any] = {}
+        for place, value in enumerate(values):
+            found |= self.keyed(place, value)
+        return found
+
+    def keyed(self, place: int, value: Any) -> dict[str, Any]:
+        """A ``[[vary]]``'s value, by each of its keys."""
+        vary = self.varied[place]
+        return {key: value if key not in vary.factor else value * vary.factor[key] for key in vary.all_keys}
 
     def changing(self) -> list[str]:
         """The keys that are not the same in every case."""
-        alike = [listed is not None and len(set(map(repr, listed))) == 1 for listed in self._listed]
+        alike = [listed is not None and len(set(map(repr, listed))) == 1 for listed in self.listed]
         return [key for vary, one in zip(self.varied, alike, strict=True) if not one for key in vary.all_keys]
 
     def ends(self, place: int) -> list[Any]:
-        """What shows whether a ``[[vary]]`` is possible at all: each value, or both ends."""
-        vary, listed = self.varied[place], self._listed[place]
+        """What shows whether a ``[[vary]]`` is possible at all: each value (of many some), or both ends."""
+        vary, listed = self.varied[place], self.listed[place]
         if listed is not None:
-            return list(listed if vary.range is None else (listed[0], listed[-1]))
+            some = range(0, len(listed), max(len(listed) // MOST_TRIED, 1))
+            return (
+                [listed[0], listed[-1]]
+                if vary.range is not None
+                else [*(listed[i] for i in some), listed[-1]]
+            )
         if vary.normal is not None:
             return [vary.normal[0]]
         return list(vary.uniform or vary.log_uniform or ())
 
     def _combination(self, number: int) -> list[Any]:
         values = []
-        for listed in reversed(self._listed):
+        for listed in reversed(self.listed):
             assert listed is not None
             number, index = divmod(number, len(listed))
             values.append(listed[index])
         return values[::-1]
 
     def _value(self, place: int, part: float) -> Any:
-        vary, listed = self.varied[place], self._listed[place]
+        vary, listed = self.varied[place], self.listed[place]
         if listed is not None:
             return listed[min(int(part * len(listed)), len(listed) - 1)]
         if vary.uniform is not None:

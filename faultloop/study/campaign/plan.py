@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from faultloop.config.campaign import CampaignTables
-from faultloop.config.override import override_settings, set_key, setting_of
+from faultloop.config.override import copied, override_settings, set_key, setting_of
 from faultloop.config.tables import read_toml
 from faultloop.errors import InputError, nearest
 from faultloop.loop.inputs import check_settings
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import RelaySettings
+from faultloop.relay.estimators import make_estimator
 from faultloop.relay.layout import instances
+from faultloop.relay.named_code import named_code
 from faultloop.study.campaign.condition import Condition
 from faultloop.study.campaign.draw import Draws
+from faultloop.study.campaign.grid import Grid
 from faultloop.study.campaign.where import where_of
 
 MOST_COMBINATIONS = 100_000_000
 ATTEMPTS = 1000
 """Draws of one case before its conditions count as impossible."""
-LOOKED_AT = 2000
-"""Cases that a judge must apply to one of."""
+LOOKED_AT, PASSED_OVER = 2000, 50_000
+"""Cases that a judge must apply to one of: places of a fault, and how many cases they are looked for in."""
+KEPT_SETTINGS = 1000
 
+WITHOUT_PLACE = ("type", "angle_deg", "resistance_ohm", "ground_ohm", "duration_s")
+"""Of a fault: what does not decide where it is."""
+
+Change = tuple[str, str, Any]
+"""The campaign's key, the key in the settings, the value."""
 
 SettingsFile = tuple[Path, str, dict[str, Any]]
 """Path, text and parsed content."""
@@ -90,8 +96,10 @@ class Plan:
         self.conditions = [
             Condition(only.when, self.keys, f"only[{number}].when") for number, only in enumerate(tables.only)
         ]
-        self._numbers: np.ndarray | None = None  # of a grid with conditions: the combinations that remain
+        self._settings: dict[tuple[Any, ...], RelaySettings] = {}
+        self._grid: Grid | None = None
         try:
+            self._read_settings()
             self.cases = self._count()
             self._check()
         except InputError as error:
@@ -100,7 +108,8 @@ class Plan:
     def values(self, case: int) -> dict[str, Any]:
         """Of the varied keys in a case.  Raises InputError where no draw meets the conditions."""
         if self.draws.sampling == "grid":
-            return self.draws.at(case if self._numbers is None else int(self._numbers[case]))
+            assert self._grid is not None
+            return self.draws.at(self._grid.combination(case))
         for attempt in range(ATTEMPTS):
             values = self.draws.at(case, attempt)
             if all(condition.holds(values) for condition in self.conditions):
@@ -113,43 +122,82 @@ class Plan:
 
     def made(self, number: int, values: Mapping[str, Any]) -> Case:
         """The case with these values."""
-        data, own = self.tables_of(values)
+        data, changes = self._scenario_of(values)
         scenario = Scenario.from_dict(data, path=self.files.path, text=self.files.text)
-        settings = {}
-        for place in scenario.relay:
-            path, text, content = own[place.name]
-            settings[place.name] = RelaySettings.from_dict(content, path=path, text=text)
+        settings = {
+            place.name: self._settings_of(place.settings, changes.get(place.name, ()))
+            for place in scenario.relay
+        }
         check_settings(scenario, settings, self.user_code)
         return Case(number, dict(values), scenario, settings)
 
+    def key_files(self) -> dict[str, Path]:
+        """Key files of authenticated buses that a case may name, by the reference in the scenario."""
+        varied = [vary.values or () for vary in self.tables.vary if "can.keys" in vary.all_keys]
+        named = {self.files.scenario.get("can", {}).get("keys"), *(str(v) for own in varied for v in own)}
+        return {name: self.files.path.parent / name for name in sorted(named - {None})}
+
     def tables_of(self, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, SettingsFile]]:
         """The scenario with these values, as parsed TOML, and each relay's settings by its name."""
-        data = copy.deepcopy(self.files.scenario)
+        data, changes = self._scenario_of(values)
+        own = {
+            relay["name"]: self._changed(relay["settings"], changes.get(relay["name"], ()))
+            for relay in data["relay"]
+        }
+        return data, own
+
+    def _scenario_of(self, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, list[Change]]]:
+        """The scenario as parsed TOML, and what is changed in the settings of each relay."""
+        data = copied(self.files.scenario)
         relays = [relay for relay in data.get("relay", []) if isinstance(relay, dict)]
         names = [str(relay.get("name")) for relay in relays]
-        changes: list[tuple[str, str, str, Any]] = []
+        changes: dict[str, list[Change]] = {}
         for key, value in values.items():
             try:
                 setting = setting_of(key, names)
                 if setting is None:
                     set_key(data, key, value, first=0, said=key)
                 else:
-                    changes.append((key, *setting, value))
+                    changes.setdefault(setting[0], []).append((key, setting[1], value))
             except InputError as error:
                 raise InputError(error.what, file=self.file, key=key) from None
-        own = {str(relay.get("name")): self.files.settings_of(str(relay.get("settings"))) for relay in relays}
-        for key, name, setting, value in changes:
-            path, text, content = own[name]
-            try:
-                own[name] = path, text, override_settings(content, setting, value)
-            except InputError as error:
-                raise InputError(error.what, file=self.file, key=key) from None
-        return data, own
+        return data, changes
 
-    @property
-    def varies_settings(self) -> bool:
-        """Whether cases differ in their relays' settings."""
-        return any(key.startswith("relay.") for key in self.keys)
+    def _settings_of(self, reference: str, changes: Sequence[Change]) -> RelaySettings:
+        """Validated once for each content."""
+        key = (reference, *((setting, repr(value)) for _, setting, value in changes))
+        if key not in self._settings:
+            path, text, content = self._changed(reference, changes)
+            if len(self._settings) >= KEPT_SETTINGS:
+                self._settings.clear()
+            self._settings[key] = RelaySettings.from_dict(content, path=path, text=text)
+        return self._settings[key]
+
+    def _changed(self, reference: str, changes: Sequence[Change]) -> SettingsFile:
+        path, text, content = self.files.settings_of(reference)
+        for key, setting, value in changes:
+            try:
+                content = override_settings(content, setting, value)
+            except InputError as error:
+                raise InputError(error.what, file=self.file, key=key) from None
+        return path, text, content
+
+    def network(self, values: Mapping[str, Any]) -> str:
+        """The same for cases with the same settings and the same network before the fault."""
+        return repr([values[key] for key in self.keys if not of_fault(key)])
+
+    def settings(self, values: Mapping[str, Any]) -> str:
+        """The same for cases with the same settings."""
+        return repr([values[key] for key in self.keys if key.startswith("relay.")])
+
+    def _read_settings(self) -> None:
+        """Every file that a case may name, so that the campaign's file can carry it."""
+        for vary in self.tables.vary:
+            for key in vary.all_keys:
+                parts = key.split(".")
+                if parts[0] == "relay" and parts[2:] == ["settings"]:
+                    for reference in vary.values or ():
+                        self.files.settings_of(str(reference))
 
     def _count(self) -> int:
         head = self.tables.campaign
@@ -160,18 +208,8 @@ class Plan:
             raise InputError(
                 f"a grid of {size} combinations; at most {MOST_COMBINATIONS} are possible", key="vary"
             )
-        if not self.conditions:
-            return size
-        self._numbers = np.fromiter(self._remaining(size), np.int64)
-        if not len(self._numbers):
-            raise InputError(f"holds in none of the {size} combinations: there are no cases", key="only")
-        return len(self._numbers)
-
-    def _remaining(self, size: int) -> Iterator[int]:
-        for number in range(size):
-            values = self.draws.at(number)
-            if all(condition.holds(values) for condition in self.conditions):
-                yield number
+        self._grid = Grid(self.draws, self.conditions)
+        return len(self._grid)
 
     # -- what can be known before the first case is run ------------------------------------------------------
 
@@ -180,18 +218,19 @@ class Plan:
         for place in range(len(self.tables.vary)):  # first: an end of a range explains more than one case
             for value in self.draws.ends(place):
                 self._check_end(place, value, first)
-        self._check_judges(self.made(0, first))
+        case = self.made(0, first)
+        _check_estimators(case)
+        self._check_judges(case)
 
     def _check_end(self, place: int, value: Any, first: Mapping[str, Any]) -> None:
-        vary = self.tables.vary[place]
-        factors = {key: vary.factor.get(key) for key in vary.all_keys}
-        own = {key: value if factor is None else value * factor for key, factor in factors.items()}
+        own = self.draws.keyed(place, value)
         values = dict(first) | own
         try:
             if all(condition.holds(values) for condition in self.conditions):
-                self.made(0, values)
+                _check_estimators(self.made(0, values))
         except InputError as error:
-            told = ", ".join(f"{key} = {own[key]!r}" for key in vary.all_keys)
+            self.made(0, {})  # where a file is wrong by itself, that is told
+            told = ", ".join(f"{key} = {own[key]!r}" for key in own)
             raise InputError(
                 f"{told} is impossible: {error.what}", file=self.file, key=_where(error, place)
             ) from None
@@ -207,25 +246,62 @@ class Plan:
                 raise InputError(
                     f"{what}; {nearest(judge.function, functions)}", key=f"judge[{number}].function"
                 )
-        places = {(judge.relay, judge.where) for judge in self.tables.judge if judge.where is not None}
-        looked_at = min(self.cases, LOOKED_AT)
-        step = self.cases // looked_at if looked_at else 1
-        for number in range(0, self.cases, max(step, 1)):
-            if not places:
-                return
+        wanted, looked_at = self._never_met()
+        for (relay, where), number in wanted.items():
+            raise InputError(
+                f"can never apply: in none of {looked_at} cases is a fault {_told(where)} for relay"
+                f" '{relay}'",
+                key=f"judge[{number}].where",
+            )
+
+    def _never_met(self) -> tuple[dict[tuple[str, str], int], int]:
+        """Where a judge wants a fault, seen from its relay, and no case has one, with the judge's number; and
+        in how many cases it was looked for.
+        """
+        wanted = {
+            (judge.relay, judge.where): number
+            for number, judge in reversed(list(enumerate(self.tables.judge)))
+            if judge.where is not None
+        }
+        keys = [key for key in self.keys if _places(key)]
+        seen: set[str] = set()
+        looked_at = 0
+        for number in range(0, self.cases, max(self.cases // PASSED_OVER, 1)):
+            if not wanted or len(seen) >= LOOKED_AT:
+                break
+            looked_at += 1
             try:
-                case = self.case(number)
+                values = self.values(number)
+                place = repr([values[key] for key in keys])
+                if place in seen:
+                    continue
+                seen.add(place)
+                case = self.made(number, values)
             except InputError:  # will be a row with its error
                 continue
-            for place in case.scenario.relay:
-                places.discard((place.name, where_of(case.scenario, place)))
-        for number, judge in enumerate(self.tables.judge):
-            if (judge.relay, judge.where) in places:
-                raise InputError(
-                    f"can never apply: in none of {looked_at} cases is a fault {_told(judge.where)} for relay"
-                    f" '{judge.relay}'",
-                    key=f"judge[{number}].where",
-                )
+            for relay in case.scenario.relay:
+                wanted.pop((relay.name, where_of(case.scenario, relay)), None)
+        return wanted, looked_at
+
+
+def _check_estimators(case: Case) -> None:
+    """That they can be made; not of code of the user's own, which is not run before the first case."""
+    for settings in case.settings.values():
+        if not any(named_code(settings)):
+            own, estimator = settings.relay, settings.estimator
+            make_estimator(estimator.method, own.sampling_hz, own.frequency_hz, **estimator.parameters)
+
+
+def of_fault(key: str) -> bool:
+    """Whether it leaves the settings, and the network before the fault, as they are."""
+    table, *_, name = key.split(".")
+    return table in ("scenario", "fault") and name not in ("line", "at_pu", "at_km", "bus")
+
+
+def _places(key: str) -> bool:
+    """Whether it may decide where a fault is."""
+    table, *_, name = key.split(".")
+    return table in ("line", "relay") or (table == "fault" and name not in WITHOUT_PLACE)
 
 
 def _functions(settings: RelaySettings) -> list[str]:

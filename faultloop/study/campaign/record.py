@@ -28,11 +28,25 @@ def record_of(plan: Plan) -> dict[str, Any]:
         "campaign": plan.tables.model_dump(mode="json", by_alias=True, exclude_none=True),
         "scenario": {"name": plan.files.path.name, "text": plan.files.text},
         "settings": settings,
+        "keys": {name: key_digest(path) for name, path in plan.key_files().items()},
         "seed": plan.tables.campaign.seed,
         "cases": plan.cases,
         "versions": versions(),
         "sources": source_digest("loop"),
     }
+
+
+def key_digest(path: Path) -> str:
+    """Tells whether a key file is the same.  The keys stay out of the record: they are secrets of a bus, and
+    a campaign's file is made to be handed on.  Yet a row depends on them (their tags change how many bits are
+    stuffed into a frame), so a case cannot be run again with others.
+    """
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(
+            f"cannot be read: {error.strerror or error}; [can] keys names it", file=path
+        ) from None
 
 
 def fingerprint(record: dict[str, Any]) -> str:

@@ -16,10 +16,12 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
 from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from faultloop.errors import InputError
 from faultloop.loop.case import Cases
@@ -31,7 +33,7 @@ from faultloop.study.campaign.table import arrow, failed, row_of, schema_of
 from faultloop.study.campaign.waves import MOST_BYTES, Waves, folder_of
 
 KEPT_RELAYS = 100
-"""Cases between which relays are kept, where every case has settings of its own."""
+"""Settings whose relays are kept."""
 
 Progress = Callable[[int, int], None]
 """Called with the number of cases done, and of all."""
@@ -46,6 +48,7 @@ class Summary:
     out : the file; None where the rows were kept in memory only.
     errors : cases that could not be run, with the verdict `unjudged`.
     new : cases that were run now; the others were there.
+    first_error : the first case that could not be run, and why.
     """
 
     out: Path
@@ -55,6 +58,7 @@ class Summary:
     unjudged: int
     errors: int
     new: int
+    first_error: str | None = None
 
 
 def run_campaign(
@@ -119,11 +123,14 @@ class Job:
 
     def __init__(self, plan: Plan, schema: Any, folder: Path, size: int, waves: Waves | None = None) -> None:
         self.plan, self.schema, self.folder, self.size, self.waves = plan, schema, folder, size, waves
-        self._own_settings = plan.varies_settings
         self._cases = Cases()
+        self._kept: set[str] = set()
 
-    def __getstate__(self) -> dict[str, Any]:
-        return vars(self) | {"_cases": None}
+    def __getstate__(self) -> tuple[Any, ...]:
+        return self.plan, self.schema, self.folder, self.size, self.waves
+
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        self.__init__(*state)
 
     def run(self, number: int, each: Callable[[], None] | None = None) -> None:
         """Make a part and write it."""
@@ -132,18 +139,29 @@ class Job:
 
     def made(self, number: int, each: Callable[[], None] | None = None) -> tuple[pa.Table, pa.Table | None]:
         """A part's rows, and their waves where these are kept."""
-        begin = number * self.size
-        rows, kept = [], []
-        for case in range(begin, min(begin + self.size, self.plan.cases)):
+        rows, kept = {}, {}
+        for case, values in self._batch(number):
             memory = None if self.waves is None else MemorySink()
-            row = self._row(case, [] if memory is None else [memory])
-            rows.append(row)
+            row = rows[case] = self._row(case, values, [] if memory is None else [memory])
             if self.waves is not None and memory is not None:
-                kept.append(self.waves.of(memory) if row["error"] is None else None)
+                kept[case] = self.waves.of(memory) if row["error"] is None else None
             if each is not None:
                 each()
-        table = arrow(self.schema, rows)
-        return table, None if self.waves is None else self.waves.table(table, kept)
+        table = arrow(self.schema, [rows[case] for case in sorted(rows)])
+        waves = None if self.waves is None else self.waves.table(table, [kept[case] for case in sorted(kept)])
+        return table, waves
+
+    def _batch(self, number: int) -> list[tuple[int, dict[str, Any] | InputError]]:
+        """A part's cases with what they draw; those with the same settings and network follow each other."""
+        begin = number * self.size
+        found: list[tuple[str, int, dict[str, Any] | InputError]] = []
+        for case in range(begin, min(begin + self.size, self.plan.cases)):
+            try:
+                values = self.plan.values(case)
+                found.append((self.plan.network(values), case, values))
+            except InputError as error:
+                found.append(("", case, error))
+        return [(case, values) for _, case, values in sorted(found, key=itemgetter(0, 1))]
 
     def write(self, number: int, rows: pa.Table, waves: pa.Table | None) -> None:
         """The waves first: where the rows are, the waves are."""
@@ -153,14 +171,12 @@ class Job:
             Parts.write(folder, number, waves, use_byte_stream_split=floats, use_dictionary=False)
         Parts.write(self.folder, number, rows)
 
-    def _row(self, number: int, sinks: list[Any]) -> dict[str, Any]:
-        if self._cases is None or (self._own_settings and number % KEPT_RELAYS == 0):
-            self._cases = Cases()
-        values: dict[str, Any] = {}
+    def _row(self, number: int, values: dict[str, Any] | InputError, sinks: list[Any]) -> dict[str, Any]:
+        if isinstance(values, InputError):
+            return failed(self.schema, number, {}, str(values))
         try:
-            values = self.plan.values(number)
             case = self.plan.made(number, values)
-            outcome = self._cases.prepare(case.scenario, case.settings).run(sinks)
+            outcome = self._cases_for(values).prepare(case.scenario, case.settings).run(sinks)
             return row_of(self.plan, self.schema, case, outcome)
         except InputError as error:
             return failed(self.schema, number, values, str(error))
@@ -168,6 +184,14 @@ class Job:
             raise
         except Exception as error:  # a user's element may raise anything
             return failed(self.schema, number, values, f"{type(error).__name__}: {error}")
+
+    def _cases_for(self, values: dict[str, Any]) -> Cases:
+        """New ones when relays of many settings are kept."""
+        own = self.plan.settings(values)
+        if own not in self._kept and len(self._kept) >= KEPT_RELAYS:
+            self._cases, self._kept = Cases(), set()
+        self._kept.add(own)
+        return self._cases
 
 
 _job: Job | None = None
@@ -230,10 +254,14 @@ def prepare_waves(out: Path, card: str) -> None:
 
 
 def _summary(out: Path, new: int) -> Summary:
-    import pyarrow.parquet as pq
-
-    table = pq.read_table(out, columns=["verdict", "error"])
-    counts = Counter(table["verdict"].to_pylist())
-    failures = len(table) - table["error"].null_count
+    counts: Counter[str] = Counter()
+    failures, first = 0, None
+    with pq.ParquetFile(out) as file:
+        for batch in file.iter_batches(columns=["case", "verdict", "error"]):
+            counts.update(batch["verdict"].to_pylist())
+            failures += len(batch) - batch["error"].null_count
+            if failures and first is None:
+                row = batch.filter(batch["error"].is_valid()).slice(0, 1).to_pylist()[0]
+                first = f"case {row['case']}: {row['error']}"
     right, wrong, unjudged = (counts[name] for name in ("right", "wrong", "unjudged"))
-    return Summary(out, len(table), right, wrong, unjudged, failures, new)
+    return Summary(out, counts.total(), right, wrong, unjudged, failures, new, first)

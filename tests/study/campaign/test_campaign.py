@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import pytest
 import faultloop
 from faultloop.cli import call
 from faultloop.config.toml_text import toml_text
+from faultloop.study.campaign import run as running
 from faultloop.study.campaign.parts import Parts
 from faultloop.study.campaign.run import Job
 
@@ -265,12 +267,21 @@ def test_a_full_disk(folder: Path, tables: Tables, monkeypatch: pytest.MonkeyPat
     assert made(folder, tables).run(out).new == 4
 
 
-def test_relays_are_not_kept_for_ever(folder: Path, tables: Tables) -> None:
-    """With settings of its own each case has relays of its own."""
-    tables["vary"] = [{"key": "relay.RA.pdis.1.reach_pu", "range": [0.5, 0.9, 1000]}]
-    tables["judge"] = []
-    campaign = made(folder, tables)
-    assert Job(campaign.plan, None, folder, 1)._own_settings
+def test_relays_are_not_kept_for_ever(folder: Path, tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With settings of its own each case has relays of its own; those with the same ones are together."""
+    tables["vary"] = [
+        {"key": "fault.F1.type", "values": ["AG", "BC"]},
+        {"key": "relay.RA.pdis.1.reach_pu", "values": [0.5, 0.6, 0.7]},
+    ]
+    plan = made(folder, tables).plan
+    job = pickle.loads(pickle.dumps(Job(plan, None, folder, 6)))
+    monkeypatch.setattr(running, "KEPT_RELAYS", 2)
+    batch = job._batch(0)
+    assert [case for case, _ in batch] == [0, 3, 1, 4, 2, 5]
+    used = [id(job._cases_for(values)) for _, values in batch]
+    assert len(set(used[:4])) == 1
+    assert used[4] == used[5]
+    assert job._kept == {"[0.7]"}
 
 
 HEAD = {"name": "x", "scenario": "base.toml", "sampling": "grid"}
@@ -307,6 +318,10 @@ WRONG = [
     ({"judge": [{"relay": "RA", "trip": True, "where": "inside", "function": "PDIS9"}]}, "PDIS9"),
     ({"judge": [{"relay": "RA", "trip": False, "loop": "AG"}]}, "cannot stand with trip = false"),
     ({"judged": []}, "did you mean 'judge'"),
+    ({"vary": [{"key": "relay.RA.estimator.method", "values": ["furier"]}]}, "did you mean 'fourier'"),
+    ({"vary": [{"key": "relay.RA.settings", "values": ["settings/no.toml"]}]}, "no.toml: no such file"),
+    ({"vary": [{"key": f"fault.F1.{key}", "range": [0.1, 0.9, 99999]} for key in ("at_pu", "ground_ohm")]},
+     "at most 100000000"),
 ]  # fmt: skip
 
 
