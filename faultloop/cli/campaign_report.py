@@ -46,6 +46,7 @@ def command(
         with write_aside(html, ".html") if html is not None else nullcontext() as page:
             if page is not None:
                 reports[0].figures = [(panel.title, plotly_figure(panel)) for panel in drawn]
+                reports[0].notes = {panel.title: panel.note for panel in drawn if panel.note}
                 write_page(reports, page)
         if png is not None:
             write_png(results.name, drawn, png)
@@ -62,10 +63,11 @@ def command(
 
 
 def _reports(results: Results, old: Path | None) -> list[Report]:
-    from faultloop.study.campaign.report import changes, report_of
+    from faultloop.study.campaign.report import changes, report_of, worst_of
     from faultloop.study.campaign.results import Results
 
-    return [report_of(results), *([changes(results, Results(old))] if old is not None else [])]
+    changed = [] if old is None else [changes(results, Results(old))]
+    return [report_of(results), *changed, worst_of(results)]
 
 
 def _two(text: str, keys: tuple[str, ...]) -> tuple[str, str]:

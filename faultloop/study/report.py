@@ -93,6 +93,8 @@ class Report:
     tables: list[Table] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
     figures: list[tuple[str, Any]] = field(default_factory=list)
+    notes: dict[str, str] = field(default_factory=dict)
+    """What is said to a figure, by its title."""
     diagrams: list[Diagram] = field(default_factory=list)
     failed: str = ""
 
@@ -163,6 +165,8 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
         drawn = [(diagram.title, diagram.plotly()) for diagram in report.diagrams]
         for title, figure in [*drawn, *report.figures]:
             parts.append(f"<h2>{escape(title)}</h2>")
+            if title in report.notes:
+                parts.append(f"<p class=note>{escape(report.notes[title])}</p>")
             _for_page(figure)
             parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly, config=CONFIG))
             plotly = False
@@ -177,6 +181,8 @@ STYLE = (
     "table{border-collapse:collapse;margin:.5em 0 1em;width:max-content;max-width:max(100%,50em)}"
     "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd;vertical-align:top}"
     "th{vertical-align:bottom}td:first-child{min-width:8em}td.r{white-space:nowrap;min-width:0}"
+    "p.note{color:#666;font-size:13px;margin:.2em 0}h1,h2{overflow-wrap:anywhere}"
+    "td.c{white-space:nowrap;font:13px monospace}"  # a command, to be copied
     "td.r,th.r{text-align:right}td.missed,p.missed{color:#b00;font-weight:bold}"
 )
 
@@ -190,6 +196,9 @@ def _for_page(figure: Any) -> None:
         figure.update_layout(legend={"orientation": "h", "yanchor": "top", "y": -70 / height, "x": 0})
 
 
+_CLASSES = {"MISSED": " class=missed", "faultloop": " class=c"}
+
+
 def _html_table(table: Table) -> str:
     right = [column.startswith(">") for column in table.columns]
     head = "".join(
@@ -201,7 +210,7 @@ def _html_table(table: Table) -> str:
         cells = []
         for value, r in zip(row, right, strict=True):
             text = cell(value)
-            kind = " class=r" if r else " class=missed" if text == "MISSED" else ""
+            kind = " class=r" if r else _CLASSES.get(text.partition(" ")[0], "")
             cells.append(f"<td{kind}>{escape(text)}</td>")
         body += f"<tr>{''.join(cells)}</tr>"
     note = f"<p>{escape(table.note)}</p>" if table.note else ""

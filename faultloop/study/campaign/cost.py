@@ -44,4 +44,4 @@ def _states(plan: Plan) -> int:
 
 
 def _rounded(value: float) -> float:
-    return round(value, 1) if value < 100 else float(round(value))
+    return float(f"{value:.2g}") if value < 100 else float(round(value))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from typing import Any
 
@@ -17,13 +18,22 @@ PERCENTILES = (50, 95, 99, 100)
 
 
 def report_of(results: Results) -> Report:
-    """Without the figures."""
+    """Counts and times, without the figures."""
     counts = _counts(results)
     report = Report("campaign", results.name)
     report.text.append(
         f"{len(results)} cases: " + ", ".join(f"{count} {name}" for name, count in counts.items())
     )
-    report.tables = [_times(results), _reasons(results), _worst(results)]
+    report.tables = [_times(results)]
+    if counts["wrong"]:
+        report.tables.append(_reasons(results))
+    return report
+
+
+def worst_of(results: Results) -> Report:
+    """The wrong ones, those without a trip or with one that must not be first; then the slowest."""
+    report = Report("worst", "The worst cases")
+    report.tables = [_worst(results)]
     return report
 
 
@@ -39,38 +49,46 @@ def _times(results: Results) -> Table:
         times = times[np.isfinite(times)]
         own = np.percentile(times, PERCENTILES) if len(times) else [float("nan")] * len(PERCENTILES)
         tripped = int((results.column(f"{relay}.tripped") == True).sum())  # noqa: E712
-        rows.append([relay, tripped, *map(float, own)])
-    columns = ["relay", ">tripped", *(f">{p} % ms" if p < 100 else ">slowest ms" for p in PERCENTILES)]
+        rows.append([relay, tripped, len(results) - tripped, *map(float, own)])
+    columns = [
+        "relay",
+        ">tripped",
+        ">not tripped",
+        *(f">{p} % ms" if p < 100 else ">slowest ms" for p in PERCENTILES),
+    ]
     return Table("Operate time, from the fault to the breaker's receiving the trip", columns, rows)
 
 
 def _reasons(results: Results) -> Table:
-    """By what was expected, without the times that differ from case to case."""
-    kinds: dict[str, int] = {}
+    """By what was expected and what came, without the figures that differ from case to case."""
+    kinds: dict[tuple[str, str], int] = {}
     for reason in results.column("reason")[results.verdict == "wrong"]:
-        kind = ": ".join(str(reason).split(": ")[:2])
+        relay, expected, came = [*str(reason).split(": ", 2), "", ""][:3]
+        kind = f"{relay}: {expected}", _FIGURES.sub("", came.partition("; ")[0]).strip()
         kinds[kind] = kinds.get(kind, 0) + 1
-    rows = [[kind, count] for kind, count in sorted(kinds.items(), key=lambda item: -item[1])]
-    return Table("Wrong, by what was expected", ["expected", ">cases"], rows)
+    rows = [[*kind, count] for kind, count in sorted(kinds.items(), key=lambda item: -item[1])]
+    return Table("Wrong", ["expected", "what came", ">cases"], rows)
+
+
+_FIGURES = re.compile(r"after -?[\d.]+ ms, |\(.*\)| -?[\d.]+ ms$")
 
 
 def _worst(results: Results) -> Table:
-    """Wrong ones first, then the slowest trips."""
-    wrong = np.flatnonzero(results.verdict == "wrong")[:WORST]
-    slowest = np.full(len(results), -np.inf)
-    for relay in results.relays:
-        slowest = np.fmax(slowest, np.nan_to_num(results.operate_ms(relay), nan=-np.inf))
-    slowest[wrong] = -np.inf
-    rest = np.argsort(-slowest, kind="stable")[: max(WORST - len(wrong), 0)]
-    which = [*wrong, *(number for number in rest if np.isfinite(slowest[number]))]
+    times = [results.operate_ms(relay) for relay in results.relays]
+    slowest = np.fmax.reduce([np.nan_to_num(own, nan=-np.inf) for own in times])
+    wrong = results.verdict == "wrong"
+    late = np.array([": after " in str(reason) for reason in results.column("reason")])
+    order = np.lexsort((-slowest, late, ~wrong))[: max(WORST, 1)]
+    which = order[wrong[order] | np.isfinite(slowest[order])]
+    keys = results.varied_keys()
     rows = []
     for row in results.table.take(which).to_pylist():
-        values = ", ".join(f"{key} = {_short(row[key])}" for key in results.keys)
-        times = [_after(row, relay) for relay in results.relays]
+        values = ", ".join(f"{key} = {_short(row[key])}" for key in keys)
         why = row["reason"] or row["verdict"]
-        rows.append([row["case"], values, why, *times, _command(results, row["case"])])
+        own = [_after(row, relay) for relay in results.relays]
+        rows.append([row["case"], values, why, *own, _command(results, row["case"])])
     columns = ["case", "values", "verdict", *(f">{relay} ms" for relay in results.relays), "again"]
-    return Table("The worst", columns, rows)
+    return Table("Wrong ones first, then the slowest", columns, rows)
 
 
 def _command(results: Results, case: int) -> str:
@@ -109,9 +127,9 @@ def changes(new: Results, old: Results) -> Report:
     )
     order = np.lexsort((-moved, ~verdict))
     which = order[: min(int(changed.sum()), CHANGES)]
-    rows = []
+    rows, keys = [], new.varied_keys()
     for now, before in zip(new.table.take(which).to_pylist(), old.table.take(which).to_pylist(), strict=True):
-        values = ", ".join(f"{key} = {_short(now[key])}" for key in new.keys)
+        values = ", ".join(f"{key} = {_short(now[key])}" for key in keys)
         times = [f"{_told(before, relay)} > {_told(now, relay)}" for relay in new.relays]
         verdicts = f"{before['verdict']} > {now['verdict']}"
         rows.append([now["case"], values, verdicts, *times, _command(new, now["case"])])

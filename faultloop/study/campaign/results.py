@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -35,6 +36,7 @@ class Results:
             plan = plan_of(self.record, Path(folder), path)
             case = plan.case(0)
         self.keys = plan.keys
+        self._draws = [vary.all_keys for vary in plan.tables.vary]
         self.scenario, self.settings = case.scenario, case.settings
         self.relays = [place.name for place in case.scenario.relay]
         self.table = pq.read_table(path)
@@ -67,11 +69,22 @@ class Results:
 
     def varied_keys(self) -> list[str]:
         """Those with more than one value, one for each draw."""
-        return [key for key in self.keys if len(self.table[key].slice(0, 5000).unique()) > 1]
+        first = [keys[0] for keys in self._draws]
+        return [key for key in first if pc.count_distinct(self.table[key]).as_py() > 1]
 
     def operate_ms(self, relay: str) -> Array:
         """From the fault's start to the breaker's receiving the trip; NaN without."""
         return (self.numbers(f"{relay}.received_ns") - self.numbers("fault_ns")) / 1e6
+
+    def wrong_of(self, relay: str) -> NDArray[np.bool_]:
+        """The cases that are wrong by what this relay did."""
+        own = pc.starts_with(self.table["reason"], f"{relay}: ")
+        return own.fill_null(False).to_numpy() & (self.verdict == "wrong")
+
+    def limits_ms(self, relay: str) -> list[float]:
+        """Within which times the judges want a trip of it."""
+        judges = [judge for judge in self.record["campaign"].get("judge", ()) if judge["relay"] == relay]
+        return sorted({float(judge["within_ms"]) for judge in judges if judge.get("within_ms") is not None})
 
     def shot_ohm(self, relay: str) -> NDArray[np.complex128] | None:
         """Where the fault's loop would be without infeed [ohm, primary]; None where its place is not on the

@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 import faultloop
 from faultloop.cli import call
 from faultloop.study.campaign import run as running
-from faultloop.study.campaign.figures import panels, shots, times_by_position, wrong_answers
+from faultloop.study.campaign.figures import _middle, panels, shots, times_by_position, wrong_answers
 from faultloop.study.campaign.parts import KEY
 from faultloop.study.campaign.record import fingerprint, record_of
-from faultloop.study.campaign.report import changes, report_of
+from faultloop.study.campaign.report import changes, report_of, worst_of
 from faultloop.study.campaign.results import Results
 from faultloop.study.campaign.table import arrow, schema_of, started
 
@@ -57,10 +58,12 @@ def results(folder: Path, tables: Tables) -> Results:
 def test_times_by_position(results: Results) -> None:
     panel = times_by_position(results, "RA")
     assert panel is not None
-    median, slowest = panel.series
-    assert np.allclose(median.x, np.arange(0.05, 0.8, 0.1))
-    assert np.allclose(median.y, 10 + 20 * median.x)
-    assert np.allclose(slowest.y, median.y)
+    median, slowest, limit = panel.series
+    assert np.allclose(median.x, np.arange(0.05, 1.0, 0.1))
+    expected = np.where(median.x < 0.8, 10 + 20 * median.x, np.nan)  # there none was tripped
+    assert np.allclose(median.y, expected, equal_nan=True)
+    assert np.allclose(slowest.y, expected, equal_nan=True)
+    assert limit.name == "within 60 ms"
     assert times_by_position(results, "RB") is None
 
 
@@ -80,7 +83,10 @@ def test_shots_are_where_the_impedance_is(results: Results) -> None:
     assert panel is not None
     points = {series.name: len(series.x) for series in panel.series if series.mode == "points"}
     assert points == {"tripped": 16, "wrong": 4}
-    assert {"PDIS1 ground", "PDIS1 phase"} <= {series.name for series in panel.series}
+    assert "PDIS1" in {series.name for series in panel.series}  # its loops to ground and between phases alike
+    assert results.wrong_of("RA").sum() == 4
+    assert not results.wrong_of("RB").any()
+    assert {len(series.told) for series in panel.series if series.mode == "points"} == {16, 4}
 
 
 def test_map_of_wrong_answers(results: Results) -> None:
@@ -89,17 +95,42 @@ def test_map_of_wrong_answers(results: Results) -> None:
     assert panel.cells.shape == (2, 10)
     assert np.array_equal(panel.cells, [[0.0] * 8 + [100.0] * 2] * 2)
     assert list(panel.y_names) == ["AG", "BC"]
+    assert list(panel.written) == [["0 of 1"] * 8 + ["1 of 1"] * 2] * 2
 
 
 def test_tables(results: Results) -> None:
     report = report_of(results)
     assert report.text == ["20 cases: 16 right, 4 wrong, 0 unjudged, 0 failed"]
-    times, reasons, worst = report.tables
-    assert times.rows[0][:2] == ["RA", 16]
+    times, reasons = report.tables
+    (worst,) = worst_of(results).tables
+    assert times.rows[0][:3] == ["RA", 16, 4]
     assert times.rows[0][-1] == pytest.approx(10 + 20 * 0.75)
-    assert list(reasons.rows) == [["RA: trip expected for a fault inside", 4]]
+    assert list(reasons.rows) == [["RA: trip expected for a fault inside", "no trip", 4]]
     assert [row[0] for row in worst.rows[:6]] == [16, 17, 18, 19, 14, 15]
     assert worst.rows[0][-1] == f"faultloop campaign-case {results.path} 16"
+
+
+def test_late_wrong_and_none(results: Results) -> None:
+    """A median counts the cases without a trip; what came is told apart; the worst has no trip."""
+    x = np.repeat([0.1, 0.5], 4)
+    y = np.array([10, 20, 30, np.nan, 10, np.nan, np.nan, np.nan])
+    centres, middle, worst = _middle(x, y)
+    assert centres.tolist() == [0.1, 0.5]
+    assert np.array_equal(middle, [30, np.nan], equal_nan=True)  # the upper of the two in the middle
+    assert worst.tolist() == [30, 10]
+    table = results.table.to_pydict()
+    late = "after 80.9 ms, not within 60 ms (PDIS1 AG 80.9 ms)"
+    table["reason"][16] = f"RA: trip expected for a fault inside: {late}"
+    table["reason"][17] = "RA: no trip expected for a fault beyond: tripped: PDIS1 AG poles ABC 80.9 ms"
+    table["RA.received_ns"][16] = 180_900_000
+    results.table = pa.table(table, schema=results.table.schema)
+    kinds = {tuple(row[:2]): row[2] for row in report_of(results).tables[1].rows}
+    assert kinds == {
+        ("RA: trip expected for a fault inside", "not within 60 ms"): 1,
+        ("RA: no trip expected for a fault beyond", "tripped: PDIS1 AG poles ABC"): 1,
+        ("RA: trip expected for a fault inside", "no trip"): 2,
+    }
+    assert [row[0] for row in worst_of(results).tables[0].rows[:5]] == [17, 18, 19, 16, 14]
 
 
 def test_what_changed(folder: Path, tables: Tables, results: Results) -> None:
@@ -121,7 +152,7 @@ def test_page_picture_and_json(results: Results, folder: Path, capsys: pytest.Ca
     path = str(results.path)
     assert call(["campaign-report", path, path, "--html", str(page), "--png", str(picture), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert [report["name"] for report in told["reports"]] == ["campaign", "changes"]
+    assert [report["name"] for report in told["reports"]] == ["campaign", "changes", "worst"]
     assert told["written"] == [str(page), str(picture)]
     text = page.read_text(encoding="utf-8")
     for panel in panels(results):
