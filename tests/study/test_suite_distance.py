@@ -34,13 +34,14 @@ def test_the_rows_are_what_a_run_of_the_case_says(tmp_path) -> None:
     sweep = Sweep(
         network, {"MHO": network.settings(network.mho())}, {"at": [0.2, 0.7], "type": ["AG", "ABC"]}
     )
-    rows = run_sweeps({"two": sweep}, tmp_path, 1, lambda part: None)["two"]
+    rows = sweep.rows(run_sweeps({"two": sweep}, tmp_path, 1, lambda part: None)["two"])
     assert len(rows) == sweep.cases == 4
     plan = sweep.plan("two")
     for number in range(4):
         case = plan.case(number)
         result = faultloop.run(case.scenario, settings=case.settings, keep=False)
         trip = result.trips[0]
+        assert trip.received_ns is not None
         assert trip.received_ns == rows["MHO.received_ns"][number]
         ms = (trip.received_ns - result.faults[0].t_ns) / 1e6
         assert rows.times("MHO").values[number] == pytest.approx(ms, abs=1e-9)
@@ -73,6 +74,16 @@ def test_times_with_missed_operations() -> None:
     assert times.figures == (10.0, 12.0, np.inf, np.inf)
     assert times.within(12.0) == 50.0
     assert np.isnan(Times(np.empty(0)).at(0.5))
+
+
+def test_a_case_that_cannot_be_run_costs_its_own_report_only(monkeypatch) -> None:
+    """A core that the load alone saturates: told, and the other part is there."""
+    real = ct_saturation.transformer
+    monkeypatch.setattr(ct_saturation, "transformer", lambda vs, remanence: real(0.01 * vs, remanence))
+    monkeypatch.setattr(ct_saturation, "voltage_for", lambda *what: 100.0)
+    bad, good = run_suite("distance", ["ct-saturation", "evolving"], quick=True)
+    assert "the load alone needs" in bad.failed and not bad.held
+    assert not good.failed and good.tables
 
 
 def test_a_suite_that_takes_no_workers_refuses_them() -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
+import pyarrow as pa
+
+from faultloop.errors import InputError
 from faultloop.study.report import Report
 from faultloop.study.suites.distance.section import Section
 from faultloop.study.suites.distance.sweep import Sweep, run_sweeps
@@ -60,13 +63,19 @@ def run(
     folder = tempfile.TemporaryDirectory(prefix="faultloop-suite-") if keep is None else nullcontext(keep)
     with folder as place:
         Path(place).mkdir(parents=True, exist_ok=True)
-        rows = run_sweeps(together, Path(place), workers, progress)
-    reports = []
-    for part, own in sweeps.items():
-        report = Report(f"distance-{part}", module_of(part).TITLE)
-        if quick:
-            report.text.append("Quick: few of the cases.")
-        module_of(part).fill(report, {name: rows[name] for name in own})
-        report.text.append(f"{sum(sweep.cases for sweep in own.values())} cases.")
-        reports.append(report)
-    return reports
+        tables = run_sweeps(together, Path(place), workers, progress)
+    return [_report(part, own, tables, quick) for part, own in sweeps.items()]
+
+
+def _report(part: str, sweeps: Mapping[str, Sweep], tables: Mapping[str, pa.Table], quick: bool) -> Report:
+    """Of one part; a case that could not be run costs its own report only."""
+    report = Report(f"distance-{part}", module_of(part).TITLE)
+    if quick:
+        report.text.append("Quick: few of the cases.")
+    try:
+        rows = {name: sweep.rows(tables[name]) for name, sweep in sweeps.items()}
+        module_of(part).fill(report, rows)
+    except InputError as error:
+        report.failed = str(error)
+    report.text.append(f"{sum(sweep.cases for sweep in sweeps.values())} cases.")
+    return report

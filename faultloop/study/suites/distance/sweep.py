@@ -113,7 +113,7 @@ def run_sweep(sweep: Sweep, name: str, folder: Path, each: Callable[[int, int], 
 
 def run_sweeps(
     sweeps: Mapping[str, Sweep], folder: Path, workers: int, progress: Callable[[float], Any]
-) -> dict[str, Rows]:
+) -> dict[str, pa.Table]:
     """All of them, a network at a time in each worker; ``progress`` gets the part done.  InputError."""
     total = sum(sweep.cases for sweep in sweeps.values()) or 1
     done = 0
@@ -135,4 +135,4 @@ def run_sweeps(
                 found[name] = future.result()
                 done += sweeps[name].cases
                 progress(done / total)
-    return {name: sweep.rows(pq.read_table(found[name])) for name, sweep in sweeps.items()}
+    return {name: pq.read_table(path) for name, path in found.items()}
