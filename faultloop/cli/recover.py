@@ -17,10 +17,12 @@ def command(
 ) -> int:
     """Bring back what a run wrote before it was killed, as a whole log."""
     from faultloop.cli.output import print_json
-    from faultloop.cli.terminal import say
+    from faultloop.cli.terminal import say, warn
     from faultloop.io.recover import recover_log
 
     result = recover_log(broken, out)
+    for text in result.warnings:
+        warn(f"faultloop: warning: {result.source}: {text}")
     if json:
         print_json(vars(result))
     else:

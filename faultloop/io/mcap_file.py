@@ -150,6 +150,11 @@ class McapFile:
         self.declare(channel)
         return channel.id
 
+    def restore(self, record: Schema | Channel) -> None:
+        """Takes a schema or channel with the number that it has; it is written with the next chunk."""
+        self._pending += record_bytes(record)
+        self.declare(record)
+
     def declare(self, record: Schema | Channel) -> None:
         """Takes a schema or channel whose record a chunk brings along itself into the summary."""
         if isinstance(record, Schema):

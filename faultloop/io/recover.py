@@ -16,6 +16,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap_protobuf.decoder import DecoderFactory
 
 from faultloop.errors import InputError
+from faultloop.io.mcap_contents import Summary
 from faultloop.io.mcap_file import (
     COMPRESSORS,
     DAMAGE,
@@ -40,6 +41,7 @@ from faultloop.io.messages import message_of
 from faultloop.io.output_file import parts_of, write_aside
 
 FORGET_BYTES = 1 << 26  # of the source, after which its pages are given back
+FOOTER_HEAD = (Opcode.FOOTER, FOOTER_SIZE - RECORD_HEAD.size)
 LOOSE_BYTES = 1 << 20  # messages outside of chunks are put into chunks of about this size
 
 
@@ -56,6 +58,7 @@ class Recovered:
     last_t_ns : time of the last of them [ns since the start of the run], None without messages.
     cut_bytes : how much there is of the last record, which was cut off; its whole messages are brought back.
     damaged : chunks, attachments and messages left out because their checksum or their content is wrong.
+    warnings : what is not in the log written, one line each.
     """
 
     source: Path
@@ -66,6 +69,13 @@ class Recovered:
     last_t_ns: int | None = None
     cut_bytes: int = 0
     damaged: int = 0
+    warnings: list[str] = field(default_factory=list)
+
+    def left_out(self, what: str, count: int = 1) -> None:
+        """Notes something damaged."""
+        self.damaged += count
+        if what not in self.warnings:
+            self.warnings.append(what)
 
     def __str__(self) -> str:
         count = sum(self.messages.values())
@@ -78,10 +88,13 @@ class Recovered:
 
 
 class Salvage:
-    """Copies the sound records of one file into another."""
+    """Copies the sound records of one file into another.
 
-    def __init__(self, result: Recovered, target: McapFile) -> None:
-        self.result, self.target = result, target
+    ``known``: its summary, if that is sound; it repeats the schemas and channels that a damaged chunk had.
+    """
+
+    def __init__(self, result: Recovered, target: McapFile, known: Summary) -> None:
+        self.result, self.target, self.known = result, target, known
         self.topics: dict[int, str] = {}
         self.counts: Counter[int] = Counter()  # messages written, by channel
         self.schemas: dict[int, Schema | None] = {0: None}
@@ -104,11 +117,18 @@ class Salvage:
             if not self._sound(record, records, self.size - begin) or not (
                 sealed or self._readable(record, records)
             ):
-                self.result.damaged += 1
+                self.result.left_out(self._what(record, records))
                 self._keep(records, begin, record.start - RECORD_HEAD.size)
                 begin = end
         self._keep(records, begin, end)
         return end
+
+    def _what(self, record: Raw, records: Buffer) -> str:
+        """What to call a record that is left out."""
+        if record.opcode != Opcode.MESSAGE or record.stop - record.start < MESSAGE_HEAD.size:
+            return "records that are no messages are damaged and left out"
+        _, _, channel, *_ = MESSAGE_HEAD.unpack_from(records, record.start - RECORD_HEAD.size)
+        return f"{self.topics.get(channel, f'channel {channel}')}: messages are damaged and left out"
 
     def _keep(self, records: Buffer, begin: int, end: int) -> None:
         if end > begin:
@@ -147,6 +167,8 @@ class Salvage:
             if record.opcode == Opcode.MESSAGE:
                 offset = record.start - RECORD_HEAD.size
                 _, length, channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(records, offset)
+                if channel not in self.topics:
+                    self._restore(channel)
                 if length < MESSAGE_HEAD.size - RECORD_HEAD.size or channel not in self.topics:
                     return False
                 if log_ns > MOST_NS:
@@ -168,6 +190,19 @@ class Salvage:
             return False
         return True
 
+    def _restore(self, number: int) -> None:
+        """A channel, and its schema, that only the summary still has."""
+        for channel in self.known.channels:
+            if channel.id != number:
+                continue
+            for schema in self.known.schemas:
+                if schema.id == channel.schema_id and schema.id not in self.schemas:
+                    self.schemas[schema.id] = schema
+                    self.target.restore(schema)
+            self.decode[number] = self._decoder(channel)
+            self.topics[number] = channel.topic
+            self.target.restore(channel)
+
     def flush(self) -> None:
         """Writes the chunk in the making; without a message in it, its records wait for the next one."""
         if not self.places:
@@ -179,29 +214,30 @@ class Salvage:
         self.target.chunk(self.parts, {c: np.array(pairs, np.uint64) for c, pairs in self.places.items()})
         self.parts, self.places, self.size = [], {}, 0
 
-    def chunk(self, content: memoryview) -> None:
-        """A whole Chunk record."""
+    def chunk(self, content: memoryview, place: int) -> None:
+        """A whole Chunk record, of which ``content`` begins at byte ``place``."""
         try:
             head = ChunkHead.read(content)
             records = decompress(head.compression, content[head.start : head.stop], head.size)
             if head.crc and zlib.crc32(records) != head.crc:
                 raise ValueError("checksum")
         except DAMAGE:
-            self.result.damaged += 1
+            self.result.left_out(f"the chunk at byte {place} is damaged and left out")
             return
         self.flush()
         end = self.take(records, sealed=bool(head.crc))
-        self.result.damaged += end != len(records)  # what follows is no record
+        if end != len(records):
+            self.result.left_out(f"the end of the chunk at byte {place} is damaged and left out")
         self.flush()
 
-    def cut_chunk(self, content: memoryview) -> None:
-        """What there is of the last Chunk record."""
+    def cut_chunk(self, content: memoryview, place: int) -> None:
+        """What there is of the last Chunk record, of which ``content`` begins at byte ``place``."""
         try:
             head = ChunkHead.read(content)
         except DAMAGE:
             return
         if head.stop <= len(content):  # all there: it is the record's length that is wrong
-            self.chunk(content)
+            self.chunk(content, place)
             return
         data: Buffer = content[head.start :]
         try:
@@ -209,7 +245,7 @@ class Salvage:
             if head.compression:
                 data = unpack(head.compression, data, head.size)
         except DAMAGE:
-            self.result.damaged += 1
+            self.result.left_out(f"the chunk at byte {place} is damaged and left out")
             return
         self.flush()
         self.take(data[: head.size], sealed=False)
@@ -239,7 +275,15 @@ class Salvage:
             elif record.opcode != Opcode.HEADER or record.start != len(MAGIC) + RECORD_HEAD.size:
                 raise ValueError("kind")
         except DAMAGE:
-            self.result.damaged += 1
+            kind = OTHER_RECORDS.get(record.opcode, "a record of no kind that belongs there")
+            self.result.left_out(f"{kind} at byte {record.start} is damaged and left out")
+
+
+OTHER_RECORDS: dict[int, str] = {
+    Opcode.METADATA: "a metadata record",
+    Opcode.ATTACHMENT: "an attachment",
+    Opcode.MESSAGE_INDEX: "a message index",
+}
 
 
 def recover_log(broken: str | Path, out: str | Path) -> Recovered:
@@ -258,10 +302,24 @@ def recover_log(broken: str | Path, out: str | Path) -> Recovered:
     if out.exists() and out.samefile(source):
         raise InputError("is the output too; give another output file", file=source)
     result = Recovered(source, out, others=tuple(parts[1:]))
+    if result.others:
+        result.warnings.append(f"not taken, as older: {', '.join(map(str, result.others))}")
     with write_aside(out) as aside, aside.open("wb") as stream:
-        salvage = Salvage(result, McapFile(stream, _compression(data)))
+        salvage = Salvage(result, McapFile(stream, _compression(data)), _summary(data))
         _salvage(data, salvage, partial(forget_pages, mapped))
     return result
+
+
+def _summary(data: memoryview) -> Summary:
+    """Of a log that was closed; an empty one where there is none, or none that can be trusted."""
+    footer = len(data) - len(MAGIC) - FOOTER_SIZE
+    try:
+        opcode, length, begin, _, crc = struct.unpack_from("<BQQQI", data, footer)
+        if data[-len(MAGIC) :] == MAGIC and (opcode, length) == FOOTER_HEAD and begin and crc:
+            return Summary.read(data, begin, footer)
+    except DAMAGE:
+        pass
+    return Summary()
 
 
 def _compression(data: memoryview) -> str:
@@ -283,12 +341,13 @@ def _salvage(data: memoryview, salvage: Salvage, forget: Callable[[int, int], No
         if _ends_the_data(record, data):  # what follows is the summary, which is made anew
             salvage.flush()
             closed = data[-len(MAGIC) :] == MAGIC
-            result.damaged += _missing(data, end, salvage) if closed else 0
+            if closed:
+                _tell_missing(data, end, salvage)
             result.whole = closed and result.damaged == 0
             result.cut_bytes = 0 if closed else len(data) - end
             break
         if record.opcode == Opcode.CHUNK:
-            salvage.chunk(data[record.start : record.stop])
+            salvage.chunk(data[record.start : record.stop], record.start)
         else:
             salvage.other(record, data)
         if end - seen > FORGET_BYTES and not salvage.parts:
@@ -297,8 +356,10 @@ def _salvage(data: memoryview, salvage: Salvage, forget: Callable[[int, int], No
     else:
         result.cut_bytes = len(data) - end
         if len(data) - end > RECORD_HEAD.size and data[end] == Opcode.CHUNK:
-            salvage.cut_chunk(data[end + RECORD_HEAD.size :])
+            salvage.cut_chunk(data[end + RECORD_HEAD.size :], end + RECORD_HEAD.size)
     salvage.flush()
+    if result.cut_bytes:
+        result.warnings.append(f"the log was cut off: its last {result.cut_bytes} bytes are no whole record")
     if not result.whole:
         lost = {"cut_bytes": str(result.cut_bytes), "damaged_records": str(result.damaged)}
         salvage.target.metadata("recovered", lost)
@@ -316,18 +377,24 @@ def _ends_the_data(record: Raw, data: memoryview) -> bool:
     return all(after.opcode not in messages for after in walk(data, record.stop))
 
 
-def _missing(data: memoryview, begin: int, salvage: Salvage) -> int:
-    """How many channels have fewer messages than a sound summary counts."""
-    footer = len(data) - len(MAGIC) - FOOTER_SIZE
+def _tell_missing(data: memoryview, begin: int, salvage: Salvage) -> None:
+    """Notes the channels that have fewer messages than a sound summary counts."""
+    result, footer = salvage.result, len(data) - len(MAGIC) - FOOTER_SIZE
     opcode, length, start, _, crc = struct.unpack_from("<BQQQI", data, footer)
-    if (opcode, length) != (Opcode.FOOTER, FOOTER_SIZE - RECORD_HEAD.size):
-        return 1
+    if (opcode, length) != FOOTER_HEAD:
+        result.left_out("the footer is damaged: what the log should hold is not known")
+        return
     if not start:
-        return 0
+        return
     if start != begin or (crc and zlib.crc32(data[begin : footer + FOOTER_SIZE - 4]) != crc):
-        return 1  # the summary itself
+        result.left_out("the summary is damaged: what the log should hold is not known")
+        return
     for record in walk(data, begin):
         if record.opcode == Opcode.STATISTICS:
             wanted = parse(Statistics, data[record.start : record.stop]).channel_message_counts
-            return sum(salvage.counts[channel] < count for channel, count in wanted.items())
-    return 0
+            for channel, count in wanted.items():
+                if salvage.counts[channel] < count:
+                    name = salvage.topics.get(channel, f"channel {channel}")
+                    have = salvage.counts[channel]
+                    result.left_out(f"{name}: {have} messages are there, the summary counts {count}")
+            return

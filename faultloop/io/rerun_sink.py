@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,7 @@ from faultloop.io.messages import (
     LEVELS,
     LOOPS,
     POLES,
+    RECORD_DIGITAL,
     TRIP,
     bit_names,
     message_of,
@@ -48,7 +50,7 @@ ROWS = 960  # of a block when a whole log is sent
 
 
 class RelayStream:
-    """What one relay has that is not sent yet, and what its bits were."""
+    """What one relay has that is not sent yet, and how far what is sent goes."""
 
     def __init__(self, name: str, bits: Sequence[str], reach: float) -> None:
         self.name = name
@@ -57,6 +59,7 @@ class RelayStream:
         self.reach = reach  # [ohm] loci are drawn up to some times this
         self.blocks: list[tuple[np.ndarray, ...]] = []
         self.pickup = self.operate = 0
+        self.last_ns: int | None = None  # of what is sent
         self.newest = {loop: np.full(2, np.nan) for loop in LOOPS}  # point of each locus
 
 
@@ -144,6 +147,9 @@ class RerunSink:
         elif message_name == FAULT_STATE.name:
             lane = self._path("state", "fault", str(fields.get("fault", 0)))
             self._state(lane, [t_ns], [fields.get("type", "on") if fields.get("on") else None])
+        elif message_name == RECORD_DIGITAL.name:
+            lane = self._path("state", "record", fields.get("name") or str(fields.get("number", 0)))
+            self._state(lane, [t_ns], ["on" if fields.get("on") else None])
         elif message_name in (EVENT.name, EVENT.full_name):
             level = fields.get("level", "INFO")
             level = level if isinstance(level, str) else LEVELS[level]
@@ -207,7 +213,7 @@ class RerunSink:
             np.concatenate(parts) for parts in zip(*relay.blocks, strict=True)
         )
         relay.blocks = []
-        times, path = self._times(t_ns), self._path("relay", relay.name)
+        path = self._path("relay", relay.name)
         with np.errstate(over="ignore"):
             magnitude = np.hypot(phasors[:, 0:12:2], phasors[:, 1:12:2])
         series = {
@@ -217,7 +223,10 @@ class RerunSink:
             "current_rms": magnitude[:, 3:] / 1e3,
             "frequency": phasors[:, 12:13],
         }
+        broken, gaps = _gaps(t_ns, relay.last_ns)
+        relay.last_ns, times = int(t_ns[-1]), self._times(broken)
         for name, values in series.items():
+            values = np.insert(values, gaps, np.nan, axis=0)  # or a line would be drawn across the gap
             columns = self._rr.Scalars.columns(scalars=values.ravel())
             lengths = np.full(len(values), values.shape[1])
             self._stream.send_columns(f"{path}/{name}", times, columns.partition(lengths))
@@ -304,7 +313,8 @@ class RerunSink:
 
 
 def log_to_rerun(log: Log, target: str) -> RerunSink:
-    """Shows a whole log; ``target`` as for ``RerunSink``.  With ``serve``, ``wait`` on what is returned."""
+    """Shows a whole log, in stretches; ``target`` as for ``RerunSink``.  With ``serve``, ``wait`` on what is
+    returned."""
     sink = RerunSink(target, log.start_ns, name=log.metadata.get("scenario", {}).get("name") or log.path.stem)
     for name, values in log.metadata.items():
         sink.add_metadata(name, values)
@@ -313,15 +323,42 @@ def log_to_rerun(log: Log, target: str) -> RerunSink:
     for relay in log.relays:
         bits = [name.removesuffix(".Str") for name in log.bits(relay)["pickup"]]
         sink.add_relay(relay, bits, log.characteristics(relay))
-    for entry in log.entries(BREAKER_STATUS, FAULT_STATE, EVENT, TRIP, CAN_FRAME):
-        message = message_of(entry.topic)
-        assert message is not None  # entries() gives our own messages only
-        sink.message(entry.topic, entry.t_ns, message.name, **entry.fields)
-    for relay in log.relays:
-        samples, elements = log.samples(relay), log.elements(relay)
-        floats = [messages.values(rows) for rows in (samples, log.phasors(relay), log.loops(relay))]
-        whole = (samples["t_ns"], samples["sample_count"], *floats, elements["pickup"], elements["operate"])
-        for start in range(0, len(samples), ROWS):
-            sink.relay_block(relay, *(array[start : start + ROWS] for array in whole))
+    changing = _changing(log)
+    for span in log.windows():
+        for entry in log.entries(*RARE, from_ns=span[0], to_ns=span[1]):
+            if entry.topic == RECORD_DIGITAL.topic and entry.fields["number"] not in changing:
+                continue
+            message = message_of(entry.topic)
+            assert message is not None  # entries() gives our own messages only
+            sink.message(entry.topic, entry.t_ns, message.name, **entry.fields)
+        for relay in log.relays:
+            _send_stretch(sink, log, relay, span)
     sink.close()
     return sink
+
+
+RARE = (BREAKER_STATUS, FAULT_STATE, EVENT, TRIP, RECORD_DIGITAL, CAN_FRAME)
+
+
+def _changing(log: Log) -> set[int]:
+    """The digital channels of a replayed record that changed: of hundreds some have a lane."""
+    numbers = [entry.fields["number"] for entry in log.digital]
+    return {number for number, count in Counter(numbers).items() if count > 1}
+
+
+def _send_stretch(sink: RerunSink, log: Log, relay: str, span: tuple[int, int]) -> None:
+    """A relay's part of a log between two times."""
+    samples, elements = log.samples(relay, *span), log.elements(relay, *span)
+    floats = [messages.values(rows) for rows in (samples, log.phasors(relay, *span), log.loops(relay, *span))]
+    whole = (samples["t_ns"], samples["sample_count"], *floats, elements["pickup"], elements["operate"])
+    count = min(len(array) for array in whole)  # a cut may leave one topic a row longer
+    for start in range(0, count, ROWS):
+        sink.relay_block(relay, *(array[start : min(start + ROWS, count)] for array in whole))
+
+
+def _gaps(t_ns: np.ndarray, last_ns: int | None) -> tuple[np.ndarray, np.ndarray]:
+    """Times with one more in each gap between samples, and where those are put in."""
+    steps = np.diff(t_ns, prepend=t_ns[0] if last_ns is None else last_ns)
+    usual = float(np.median(steps[1:])) if len(steps) > 1 else np.inf
+    gaps = np.flatnonzero(steps > 1.5 * usual)
+    return np.insert(t_ns, gaps, t_ns[gaps] - steps[gaps] // 2), gaps

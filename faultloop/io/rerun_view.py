@@ -29,6 +29,7 @@ STATE_COLORS = {  # of a lane's states; others get a colour from rerun
     **dict.fromkeys(FAULT_TYPES, 0xA83E8CFF),
     "DirFwd": 0x3E5C86FF,
     "DirRv": 0x6B5486FF,
+    "on": 0x8C7A4FFF,
 }
 
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
@@ -200,8 +201,9 @@ def _relay_view(rr: Any, rrb: Any, name: str, reach: float) -> Any:
                 f"+ {rr.new_entity_path(['state', name])}/**",
                 "+ /state/breaker/**",
                 "+ /state/fault/**",
+                "+ /state/record/**",
             ],
-            name=f"{name}: elements; breakers, faults",
+            name=f"{name}: elements; breakers, faults, a record's own channels",
             time_view=axis,
         ),
         row_shares=[1, 1, 0.8, 2],

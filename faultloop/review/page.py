@@ -14,7 +14,7 @@ from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import CHANNELS, LOOPS
+from faultloop.io.messages import CHANNELS, LOOPS, PHASORS, SAMPLED_VALUES
 from faultloop.io.output_file import write_aside
 from faultloop.review.facts import Summary
 from faultloop.review.plotly_config import CONFIG
@@ -123,8 +123,14 @@ def outline(log: Log, view: RelayView) -> Outline:
     name, whole = view.rows.name, survey(log, view.rows.name)
     zero = int(view.rows.t_ns[0]) - round(1e6 * view.ms[0]) if len(view.rows) else 0
     found: list[list[tuple[NDArray[np.float64], NDArray[np.float64]]]] = [[] for _ in range(12)]
+    last_ns: int | None = None
     for span in log.windows():
-        rows = relay_rows(log, name, *span)
+        rows = relay_rows(log, name, *span, kinds=(SAMPLED_VALUES, PHASORS))
+        if not len(rows):
+            continue
+        if last_ns is not None and rows.t_ns[0] - last_ns > 1.5 * whole.interval_ns:
+            rows = rows.at(np.concatenate([[(last_ns + rows.t_ns[0]) // 2], rows.t_ns]))
+        last_ns, rows = int(rows.t_ns[-1]), rows.broken_at_gaps()
         outside = np.ones(len(rows), bool)
         if len(view.rows):
             outside = (rows.t_ns < view.rows.t_ns[0]) | (rows.t_ns > view.rows.t_ns[-1])

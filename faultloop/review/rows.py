@@ -77,6 +77,14 @@ class RelayRows:
             self.bits,
         )
 
+    def broken_at_gaps(self) -> RelayRows:
+        """With a row of no numbers in each gap, so that no line is drawn across it."""
+        steps = np.diff(self.t_ns)
+        gaps = np.flatnonzero(steps > 1.5 * self.interval_ns)
+        if not len(gaps):
+            return self
+        return self.at(np.sort(np.concatenate([self.t_ns, self.t_ns[gaps] + steps[gaps] // 2])))
+
     @property
     def interval_ns(self) -> float:
         """Sampling interval, the median of what the log has."""

@@ -79,14 +79,15 @@ def fault_view(log: Log, relay: str, summary: Summary) -> RelayView:
 
 
 def relay_view(rows: RelayRows, summary: Summary, spans: dict[str, list[Span]] | None = None) -> RelayView:
-    """``spans``: of the whole record, where ``rows`` are a part of it."""
+    """``spans``: of the whole record, where ``rows`` are a part of it.  Lines break where samples miss."""
+    spans, rows = spans or rows.spans, rows.broken_at_gaps()
     zero = summary.inception.zero_ns
     end_ms = (summary.log.duration_s * 1e9 - zero) / 1e6
     return RelayView(
         rows,
         summary.relays[rows.name],
         (rows.t_ns - zero) / 1e6,
-        _timeline(rows.name, spans or rows.spans, summary, end_ms),
+        _timeline(rows.name, spans, summary, end_ms),
     )
 
 
@@ -113,7 +114,8 @@ def window_ms(summary: Summary) -> tuple[float, float]:
 
 
 def thinned(y: NDArray[np.float64], points: int) -> NDArray[np.int64]:
-    """Indices of at most about ``points`` of y (n,): least and greatest of each bucket."""
+    """Indices of at most about ``points`` of y (n,): least and greatest of each bucket, and the first of each
+    stretch that is no number, or a line would be drawn across it."""
     buckets = points // 2
     if len(y) <= points or buckets < 1:
         return np.arange(len(y))
@@ -124,7 +126,8 @@ def thinned(y: NDArray[np.float64], points: int) -> NDArray[np.int64]:
     first = np.arange(len(cells)) * size
     low = first + np.where(np.isnan(cells), np.inf, cells).argmin(axis=1)
     high = first + np.where(np.isnan(cells), -np.inf, cells).argmax(axis=1)
-    return np.unique(np.concatenate([[0], low, high, [len(y) - 1]]))
+    breaks = np.flatnonzero(np.diff(np.isnan(y).astype(np.int8)) > 0) + 1
+    return np.unique(np.concatenate([[0], low, high, breaks[:points], [len(y) - 1]]))
 
 
 def markers(summary: Summary, relay: str) -> list[tuple[float, str]]:

@@ -8,6 +8,7 @@ import struct
 import tracemalloc
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.messages import message_of
 from faultloop.io.recover import recover_log
 from faultloop.io.tables import topic_table
+from faultloop.review.export import log_to_can, log_to_comtrade
 from faultloop.review.summary import summarize
 from tests.review.review_logs import write_log as write_known
 
@@ -121,13 +123,16 @@ def topics_with_messages(log: Log) -> set[str]:
     return {topic for topic in log.topics if len(log.array(topic))}
 
 
-def read_everything(log: Log, whole: Log) -> set[str]:
+def read_everything(log: Log, whole: Log, folder: Path) -> set[str]:
     """What review, diff and export do; the topics that have messages."""
     found = topics_with_messages(log)
     summarize(log)
     diff_logs(log, whole)
     for topic in found:
         topic_table(log, topic)
+    with suppress(InputError):  # such as a topic of another kind in the place of the samples
+        log_to_comtrade(log, folder / "x.cfg")
+    log_to_can(log, folder / "x.log")
     return found
 
 
@@ -137,7 +142,7 @@ def check(data: bytes, kind: str, whole: Log, everything: set[str], folder: Path
     if kind != "part":
         try:
             log = open_log(path)
-            found = read_everything(log, whole)
+            found = read_everything(log, whole, folder)
         except InputError as error:
             assert "\n" not in str(error)
         else:
@@ -154,6 +159,7 @@ def check(data: bytes, kind: str, whole: Log, everything: set[str], folder: Path
     assert not [text for text in recovered.warnings if "summary" in text or "index" in text]
     found = topics_with_messages(recovered)
     assert everything <= found or result.damaged or result.cut_bytes > (kind == "part") * 400
+    assert bool(result.warnings) == bool(result.damaged or result.cut_bytes)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -249,8 +255,31 @@ def test_a_chunk_that_unpacks_to_much_more(
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     out = capsys.readouterr()
-    assert len(out.err.splitlines()) == 1 and "1 damaged" in out.out
+    refused, warned = out.err.splitlines()
+    assert "is damaged" in refused and warned.endswith("the chunk at byte 34 is damaged and left out")
+    assert "1 damaged" in out.out
     assert peak < 50e6
+
+
+def test_recover_tells_what_is_left_out(tmp_path: Path, capsys: Any) -> None:
+    """A chunk whose content is damaged, and a topic that has less than the summary counts."""
+    whole, path = write_known(tmp_path / "x.mcap", 1920), tmp_path / "damaged.mcap"
+    data = bytearray(whole.read_bytes())
+    chunks = [record for record in walk(bytes(data), 8) if record.opcode == Opcode.CHUNK]
+    chunk = max(chunks, key=lambda record: record.stop - record.start)
+    data[chunk.stop - 100] ^= 1
+    path.write_bytes(data)
+    assert call(["recover", str(path), str(tmp_path / "out.mcap"), "--json"]) == 0
+    out = capsys.readouterr()
+    told = json.loads(out.out)
+    assert f"the chunk at byte {chunk.start} is damaged and left out" in told["warnings"]
+    lost = next(text for text in told["warnings"] if text.startswith("/relay/R1/samples: "))
+    back = open_log(tmp_path / "out.mcap")
+    # The chunk had the schemas and channels, too: they come back from the summary, and with them the rest.
+    count = len(back.samples("R1"))
+    assert 0 < count < 1920 and lost.endswith(f"{count} messages are there, the summary counts 1920")
+    assert set(back.topics) == set(open_log(whole).topics)
+    assert [line.split(": ", 3)[3] for line in out.err.splitlines()] == told["warnings"]
 
 
 PLACE = {"name": 7, "line": 3, "breaker": [1]}

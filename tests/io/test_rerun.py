@@ -18,6 +18,7 @@ import pytest
 
 from faultloop.errors import InputError
 from faultloop.io.mcap_reader import open_log
+from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.messages import values
 from faultloop.io.rerun_sink import RerunSink, log_to_rerun
 from faultloop.io.rerun_view import tick_step
@@ -90,6 +91,36 @@ def test_rare_messages_are_shown(recording: Recording) -> None:
     assert [level[0] for level in recording.column("/events", "TextLog:level")[1]] == ["WARNING"] * 2
     frames = [text[0].split("ms  ")[1] for text in recording.column("/can", "TextLog:text")[1]]
     assert frames == ["010  [8]  00 01 02 03 04 05 06 07  R1", "1ABCDEFF  [0]"]
+
+
+def test_a_records_own_channels_have_lanes_where_they_change(tmp_path: Path) -> None:
+    log = tmp_path / "x.mcap"
+    with LogWriter(log, START_NS) as writer:
+        for number, name in enumerate(("TRIP A", "spare")):
+            writer.message("/record/digital", 0, "RecordDigital", number=number, name=name)
+        for t_ns, on in ((40_000_000, True), (90_000_000, False)):
+            writer.message("/record/digital", t_ns, "RecordDigital", number=0, name="TRIP A", on=on)
+    log_to_rerun(open_log(log), str(tmp_path / "x.rrd"))
+    recording = Recording(tmp_path / "x.rrd")
+    (lane,) = [entity for entity in recording.chunks if entity.startswith("/state/record")]
+    t_ns, states = recording.column(lane, "StateChange:state")
+    assert (t_ns.tolist(), states) == ([0, 40_000_000, 90_000_000], [[None], ["on"], [None]])
+    assert "TRIP" in lane
+
+
+def test_curves_break_where_samples_miss(tmp_path: Path, make_arrays: Callable[..., Any]) -> None:
+    sink = RerunSink(str(tmp_path / "x.rrd"), 0)
+    sink.add_relay("R1", ["PDIS1"])
+    t_ns = np.delete(np.arange(600) * 10**9 // 4800, slice(300, 400))
+    n = len(t_ns)
+    parts = (np.zeros((n, 6)), np.zeros((n, 14)), np.zeros((n, 12)), *np.zeros((2, n), np.uint64))
+    for rows in (slice(0, 300), slice(300, None)):
+        sink.relay_block("R1", t_ns[rows], np.arange(n)[rows], *(part[rows] for part in parts))
+        sink.flush()
+    sink.close()
+    shown, values = Recording(tmp_path / "x.rrd").column("/relay/R1/voltage", "Scalars:scalars")
+    (gap,) = np.flatnonzero(np.isnan(np.array(values)).all(axis=1))
+    assert t_ns[299] < shown[gap] < t_ns[300] and len(shown) == n + 1
 
 
 def test_loci_are_the_loops_inside_the_picture(tmp_path: Path, make_arrays: Callable[..., Any]) -> None:

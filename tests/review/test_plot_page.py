@@ -19,7 +19,7 @@ from faultloop.review import page
 from faultloop.review.plot import draw, shown_relays, write_png
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
-from faultloop.review.view import relay_view, thinned, window_ms
+from faultloop.review.view import fault_view, relay_view, thinned, window_ms
 from tests.review.review_logs import BITS, FAULT_NS, OPENED_NS, RECEIVED_NS, START_NS, rows, write_log
 
 
@@ -147,6 +147,32 @@ def test_folder_in_the_way_is_refused_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "a.html").mkdir()
     with pytest.raises(InputError, match="a folder"), write_aside(tmp_path / "a.html", ".html"):
         pytest.fail("the work has begun")
+
+
+def test_no_line_is_drawn_across_a_gap(tmp_path: Path) -> None:
+    """Samples miss in the fault's window, and far from it, where the page's waves are thinned."""
+    path, block = tmp_path / "gap.mcap", rows(48_000)
+    there = np.ones(48_000, bool)
+    there[[*range(600, 700), *range(30_000, 31_000)]] = False
+    with LogWriter(path, START_NS) as log:
+        log.add_relay("R1", BITS)
+        log.relay_block("R1", *(array[there] for array in block.values()))
+        log.message("/plant/faults", FAULT_NS, "FaultState", fault=0, on=True, type="AG")
+    opened = open_log(path)
+    summary = summarize(opened)
+    view = fault_view(opened, "R1", summary)
+    edges = [((block["t_ns"][k] - FAULT_NS) / 1e6, (block["t_ns"][k + n] - FAULT_NS) / 1e6)
+             for k, n in ((599, 101), (29_999, 1001))]  # fmt: skip
+    figure = page.waves(view, summary, page.outline(opened, view))
+    curves = [(np.array(trace.x), np.array(trace.y)) for trace in figure.data if trace.type == "scatter"]
+    assert len(curves) == 12
+    for x, y in curves:
+        for start, stop in edges:
+            assert np.isnan(y[(x > start) & (x < stop)]).any()
+    voltage = draw(opened, summary).axes[0]
+    for line in voltage.get_lines()[:3]:
+        x, y = np.array(line.get_xdata()), np.array(line.get_ydata())
+        assert np.isnan(y[(x > edges[0][0]) & (x < edges[0][1])]).any()
 
 
 def test_names_are_no_markup(tmp_path: Path) -> None:
