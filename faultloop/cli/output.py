@@ -32,13 +32,12 @@ class _SafeConsole(Console):
             yield segment if segment.control else segment._replace(text=safe(segment.text))
 
 
-WIDTH = 160  # of the widest table
+WIDTH = 5000  # wider than any table
 
 
 def console() -> Console:
     """Standard output, never narrower than a table: a terminal that is wraps the line, and nothing is cut."""
-    out = screen()
-    return out if out.width >= WIDTH else _SafeConsole(highlight=False, markup=False, width=WIDTH)
+    return _SafeConsole(highlight=False, markup=False, width=WIDTH)
 
 
 def screen() -> Console:

@@ -93,14 +93,15 @@ def input_error(
     """One line out of pydantic's list: an unknown key first (often it explains the missing one)."""
     found = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")[0]
     where, what = found["loc"], found["msg"]
-    key = _key(where, data)
+    first: int = getattr(model, "first_place", 0)
+    key = _key(where, data, first)
     value, context = found.get("input"), found.get("ctx", {})
     match found["type"]:
         case "extra_forbidden":
             what = f"unknown key; {nearest(str(where[-1]), _fields(model, where[:-1]))}"
         case "missing" if isinstance(where[-1], int):
             what = f"needs {where[-1] + 1} numbers, as in [r, x]"
-            key = _key(where[:-1], data)
+            key = _key(where[:-1], data, first)
         case "missing":
             what = "missing; it has no default"
         case "tuple_type" if isinstance(value, dict):
@@ -120,8 +121,9 @@ def input_error(
     return InputError(what, file=file, key=key or None)
 
 
-def _key(where: tuple[int | str, ...], data: Any) -> str:
-    """``fault[1].type``; list members that have a name are shown by it: ``line[L1].length_km``."""
+def _key(where: tuple[int | str, ...], data: Any, first: int) -> str:
+    """``fault[1].type``; list members that have a name are shown by it: ``line[L1].length_km``, others by
+    their place, counted from ``first`` as in ``--set``."""
     text = ""
     for part in where:
         if _is_tag(part):
@@ -129,7 +131,7 @@ def _key(where: tuple[int | str, ...], data: Any) -> str:
         if isinstance(part, int):
             item = data[part] if isinstance(data, list) and part < len(data) else None
             name = item.get("name") if isinstance(item, dict) else None
-            text += f"[{name if isinstance(name, str) else part}]"
+            text += f"[{name if isinstance(name, str) else part + first}]"
             data = item
         else:
             text += f".{part}" if text else part

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
@@ -94,6 +94,8 @@ class RelaySettings(Tables):
 
     Build them from a file (`load_settings`) or a dict (`RelaySettings.from_dict`).
     """
+
+    first_place: ClassVar[int] = 1  # of a function's tables: [[pdis]] by [[pdis]] they are PDIS1, PDIS2 ...
 
     relay: Header
     estimator: EstimatorSettings = EstimatorSettings()

@@ -63,7 +63,7 @@ def test_a_wrong_key_or_value_is_the_settings_affair() -> None:
     ):
         with pytest.raises(InputError) as error:
             RelaySettings.from_dict(override_settings(DATA, key, value))
-        assert error.value.key == f"pdis[1].{key.rpartition('.')[2]}"
+        assert error.value.key == f"pdis[2].{key.rpartition('.')[2]}"
         assert words in error.value.what
 
 

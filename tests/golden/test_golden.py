@@ -14,15 +14,23 @@ from typing import Any
 import pytest
 
 from faultloop import open_log
+from faultloop.cli import call
 from faultloop.loop.runner import run
 from tests.golden.record import differences, golden
+from tests.review.review_logs import check_tables
 
 HERE = Path(__file__).parent
 SCENARIOS = sorted((HERE.parents[1] / "scenarios").glob("*.toml"))
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_runs_as_it_did(path: Path, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+def test_runs_as_it_did(
+    path: Path,
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     log = tmp_path / "run.mcap"
     result = run(path, log=log)
     now = golden(result, open_log(log))
@@ -35,6 +43,10 @@ def test_runs_as_it_did(path: Path, tmp_path: Path, request: pytest.FixtureReque
         return
     assert kept.exists(), f"no golden log of {path.name}: pytest tests/golden --renew-golden"
     assert differences(json.loads(kept.read_text()), now) == []
+    monkeypatch.setenv("COLUMNS", "80")
+    capsys.readouterr()
+    assert call(["review", str(log)]) == 0
+    check_tables(capsys.readouterr().out, log)
 
 
 def test_no_golden_log_without_its_scenario() -> None:

@@ -10,7 +10,10 @@ import numpy as np
 
 from faultloop.io.can.frames import Heartbeat, State
 from faultloop.io.can.table import Kind
+from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
+from faultloop.review.summary import summarize
+from faultloop.review.text import tables
 
 RATE, F0 = 4800, 50.0
 START_NS = 1_577_836_800_000_000_000
@@ -122,3 +125,15 @@ def _plant(log: LogWriter, n: int) -> None:
         closed[pole] = False
         log.message("/breaker/Q1", t_ns, "BreakerStatus", **closed)
     log.message("/plant/faults", 300_000_000, "FaultState", fault=0, on=False, type="AG")
+
+
+def check_tables(printed: str, log: Path) -> None:
+    """Every cell of every table of a log's review is whole on its line, as a terminal then wraps it."""
+    lines = printed.splitlines()
+    shown = list(tables(summarize(open_log(log))))
+    assert len(shown) >= 3
+    for title, columns, rows in shown:
+        first = next(k for k, line in enumerate(lines) if line.rstrip() == title)
+        assert all(column.removeprefix(">") in lines[first + 1] for column in columns)
+        for line, cells in zip(lines[first + 2 :], rows, strict=False):
+            assert all(cell in line for cell in cells), (line, cells)

@@ -34,6 +34,7 @@ from tests.review.review_logs import (
     RECEIVED_NS,
     SCENARIO,
     START_NS,
+    check_tables,
     rows,
     times,
     write_log,
@@ -140,6 +141,18 @@ def test_printed(summary: Summary) -> None:
         "3 CAN frames",
     ):
         assert words in text
+
+
+@pytest.mark.parametrize("relay", ["R1", "a relay of the " + "very " * 20 + "long name"])
+def test_a_terminal_of_80_columns_loses_nothing(
+    relay: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The shipped scenarios' logs: tests/golden."""
+    monkeypatch.setenv("COLUMNS", "80")
+    path = write_log(tmp_path / "x.mcap", relay=relay)
+    capsys.readouterr()
+    assert call(["review", str(path)]) == 0
+    check_tables(capsys.readouterr().out, path)
 
 
 def test_replay_estimates_the_inception(tmp_path: Path) -> None:

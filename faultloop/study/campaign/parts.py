@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from faultloop.errors import InputError
+from faultloop.io.output_file import write_aside
 
 LEAST_PARTS, MOST_IN_A_PART = 64, 1000
 ROW_GROUP = 65_536
@@ -83,32 +83,28 @@ class Parts:
     def write(cls, folder: Path, number: int, table: pa.Table, **options: Any) -> None:
         """A part, whole or not at all."""
         path = cls.path(folder, number)
-        aside = path.with_suffix(f".{os.getpid()}.tmp")
         try:
-            pq.write_table(table, aside, compression="zstd", **options)
-            aside.replace(path)
-        except OSError as error:
-            aside.unlink(missing_ok=True)
+            with write_aside(path) as aside:
+                pq.write_table(table, aside, compression="zstd", **options)
+        except InputError as error:
             raise InputError(
-                f"cannot be written ({error.strerror or error}); the parts before it are kept in {folder},"
-                " and the same command goes on from there",
+                f"{error.what}; the parts before it are kept in {folder}, and the same command goes on from"
+                " there",
                 file=path,
             ) from None
 
     def merge(self, schema: pa.Schema, record: Mapping[str, Any]) -> None:
         """The whole file from its parts, which are then removed."""
-        aside = Path(f"{self.out}.tmp")
         whole = schema.with_metadata({KEY: json.dumps(record).encode()})
         try:
-            with pq.ParquetWriter(aside, whole, compression="zstd") as writer:
+            with (
+                write_aside(self.out) as aside,
+                pq.ParquetWriter(aside, whole, compression="zstd") as writer,
+            ):
                 for table in self._row_groups():
                     writer.write_table(table.replace_schema_metadata(whole.metadata))
-            aside.replace(self.out)
-        except OSError as error:
-            aside.unlink(missing_ok=True)
-            raise InputError(
-                f"cannot be written ({error.strerror or error}); {self.kept()}", file=self.out
-            ) from None
+        except InputError as error:
+            raise InputError(f"{error.what}; {self.kept()}", file=self.out) from None
         self.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 

@@ -179,5 +179,5 @@ def test_an_estimator_that_has_not_settled_starts_nothing() -> None:
 def test_what_is_wrong_is_named(table: dict, words: str) -> None:
     with pytest.raises(InputError) as error:
         RelaySettings.from_dict(GIVEN | {"ptoc": [table]})
-    assert (error.value.key or "").startswith("ptoc[0]")
+    assert (error.value.key or "").startswith("ptoc[1]")
     assert words in error.value.what
