@@ -108,6 +108,12 @@ def is_frequency(c, f):
 
 
 @njit
+def at_frequency(c, m, z):
+    """An impedance that is given at the nominal frequency, at the reference's."""
+    return complex(z.real, z.imag * (m.frequency / c.frequency))
+
+
+@njit
 def turn_with(c, m, frequency):
     """Let the reference turn with this frequency [Hz]."""
     m.frequency = frequency

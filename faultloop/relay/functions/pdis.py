@@ -31,7 +31,7 @@ from faultloop.errors import nearest
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function, Polygon
 from faultloop.relay.loop_fit import FIRST, SECOND, fit, gather
-from faultloop.relay.memory import A2, A, size2
+from faultloop.relay.memory import A2, A, at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
 
 if TYPE_CHECKING:
@@ -191,9 +191,8 @@ def loop_current(x: NDArray, loop: int, k0: complex) -> complex:
 
 
 @njit
-def mho_depth(q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
-    """m of a mho zone."""
-    drop = c.reach * i
+def mho_depth(q: Record, c: Record, loop: int, v: complex, drop: complex) -> float:
+    """m of a mho zone; ``drop`` is that of the loop's current along the reach."""
     if c.characteristic == OFFSET:
         return np.sqrt(size2(v) / size2(drop))
     if c.characteristic == SELF:
@@ -232,7 +231,7 @@ def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex
 @njit
 def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
     """m of a quadrilateral zone; OUTSIDE beyond its resistive reach."""
-    drop = c.reach * i
+    drop = at_frequency(g, q.memory, c.reach) * i
     polarizing, fault = fault_currents(g, q, loop, i)
     polarizing = polarizing * c.tilt.conjugate()
     m = (v * polarizing.conjugate()).imag / (drop * polarizing.conjugate()).imag
@@ -258,7 +257,7 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
     if loop < 3 and size2(q.x[3] + q.x[4] + q.x[5]) < c.minimum_residual**2:
         return OUTSIDE
     if c.characteristic <= OFFSET:
-        m = mho_depth(q, c, loop, v, i)
+        m = mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i)
     else:
         m = quad_depth(g, q, c, loop, v, i)
     return m if m == m else OUTSIDE

@@ -3,7 +3,9 @@
 First comes the energy of the change (`faultloop.relay.energy`): its sign is right at every moment, while
 phasors still ring.  It stands until something else is seen for a cycle, with phasors that stand still,
 and not in the first two cycles: then the fault has changed sides, or what was switched is no single
-fault.  That, and where the energy has no sign, is judged by impedance.
+fault; the power of the change must go the other way meanwhile, as a network that resonates near the nominal
+frequency looks capacitive, and its impedance then is that of a fault on the other side.  That, and where the
+energy has no sign, is judged by impedance.
 
 What a fault adds to a sequence network has V / I = -Zs of the source behind for a forward fault, and
 plus the impedance of the line and the source ahead for a reverse one; half the line's impedance lies between
@@ -46,6 +48,8 @@ MEMORY_SHARE = 0.2
 AS_BEFORE = 2
 ALL_POLES = 7
 YOUNG_CYCLES = 2
+TURNED = 0.01
+"""Of the apparent power of the change: so much of it must go the other way."""
 STILL = 0.05
 """Of the whole change, within a sixteenth of a cycle."""
 
@@ -151,11 +155,22 @@ def indication(g: Record, q: Record, c: Record) -> int:
 
 @njit
 def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
-    """Whether another direction than the energy's has stood for a cycle, with phasors that stand still."""
+    """Whether another direction than the energy's has stood for a cycle, with phasors that stand still whose
+    power goes that way."""
     still = q.memory.drift < STILL**2 * weight(g, q.d)
-    other = candidate != 0 and candidate != q.energy.direction
-    w.contrary = w.contrary + 1 if other and still else 0
-    return w.contrary >= g.cycle
+    if candidate in (0, q.energy.direction) or not still:
+        w.contrary = 0
+        w.power = w.apparent = 0.0
+        return False
+    w.contrary += 1
+    power = voltage2 = current2 = 0.0
+    for k in range(3):
+        power += (q.d[k] * q.d[3 + k].conjugate()).real
+        voltage2 += size2(q.d[k])
+        current2 += size2(q.d[3 + k])
+    w.power += power
+    w.apparent += math.sqrt(voltage2 * current2)
+    return w.contrary >= g.cycle and w.power * candidate < -TURNED * w.apparent
 
 
 @njit
@@ -208,7 +223,15 @@ RDIR = Function(
         ("z2_reverse", "f8"),
     ),
     values=values,
-    state=(("direction", "i8"), ("candidate", "i8"), ("count", "i8"), ("contrary", "i8"), ("changed", "i8")),
+    state=(
+        ("direction", "i8"),
+        ("candidate", "i8"),
+        ("count", "i8"),
+        ("contrary", "i8"),  # samples in a row of something else than the energy's
+        ("power", "f8"),  # sums over them: of the change's power ...
+        ("apparent", "f8"),  # ... and of what it could be
+        ("changed", "i8"),
+    ),
     always=True,
     bits=("DirFwd", "DirRev"),
     told=False,

@@ -23,7 +23,7 @@ from faultloop.jit import njit
 from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
 from faultloop.relay.functions.pdis import FIRST, SECOND, loop_current, loop_voltage
-from faultloop.relay.memory import size2
+from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def estimate(g: Record, q: Record, c: Record, loop: int, k0: complex) -> float:
         polarizing = q.x[3] + q.x[4] + q.x[5]
     elif c.takagi:
         polarizing = q.d[3 + FIRST[loop]] - q.d[3 + SECOND[loop]]
-    drop = (g.z1 * i * polarizing.conjugate()).imag
+    drop = (at_frequency(g, q.memory, g.z1) * i * polarizing.conjugate()).imag
     return (v * polarizing.conjugate()).imag / drop if drop != 0.0 else np.nan
 
 

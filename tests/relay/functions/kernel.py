@@ -33,6 +33,7 @@ class Kernel:
         _fill(self.c, function.values(settings, settings.tables(function)[0]))
         quantities.clear(self.q)
         self.q["settled"] = self.q["ready"] = 1
+        self.q["proven"], self.q["memory"]["frequency"] = 7, self.g["frequency"]
 
     def step(self, phasors: Any = None, count: int = 1, **published: Any) -> None:
         """``count`` samples, of phasors (6,) where they are given; what is published cleared before each, but

@@ -63,6 +63,12 @@ def test_it_is_given_up_after_a_cycle_of_something_else_that_stands_still() -> N
     k.step(count=2 * CYCLE)
     assert k.q["direction"] == -1
     k.q["memory"]["drift"] = 0.0
+    power, k.q["d"][:3] = k.q["d"][:3].copy(), -k.q["d"][:3]  # still goes the way it did: a resonance
+    k.step(count=3 * CYCLE)
+    assert k.q["direction"] == -1
+    k.q["memory"]["drift"] = float("inf")
+    k.step()
+    k.q["memory"]["drift"], k.q["d"][:3] = 0.0, power
     k.step(count=CYCLE - 1)
     assert k.q["direction"] == -1
     k.step()
