@@ -35,7 +35,7 @@ def settings(method: str) -> RelaySettings:
     return RelaySettings.from_dict(
         {
             "relay": {"frequency_hz": 50, "sampling_hz": SAMPLING_HZ},
-            "estimator": {"method": method},
+            "estimator": {"method": method, "unsafe": True},
             "line": {"z1_ohm": [Z1.real, Z1.imag], "z0_ohm": [Z0.real, Z0.imag]},
             "pdis": ZONES,
         }

@@ -1,7 +1,7 @@
 """Security and speed of zone 1 over random faults: wrong answers by kind, times to the start of the zone.
 
     python bench/security.py [--cases 2000] [--seed 1001] [--kind mixed|long|extreme] [--antialias 1500]
-                             [--estimator METHOD]
+                             [--estimator METHOD] [--vt ideal|unknown]
 
 A case is a network X - A - B - C drawn by `security_cases.draw` and two relays, at both ends of A - B; each
 has a mho and a quadrilateral of 80 % of the line without delay, a reverse zone of 50 % and one of 120 %.  Its
@@ -39,7 +39,7 @@ class Answer(NamedTuple):
         return min(given, default=np.nan)
 
 
-def settings(case: dict, method: str) -> RelaySettings:
+def settings(case: dict, method: str, vt: str = "ideal") -> RelaySettings:
     line, length = case["line"], case["length"]
     z1 = [line["r1_ohm_per_km"] * length, line["x1_ohm_per_km"] * length]
     z0 = [line["r0_ohm_per_km"] * length, line["x0_ohm_per_km"] * length]
@@ -47,8 +47,9 @@ def settings(case: dict, method: str) -> RelaySettings:
     return RelaySettings.from_dict(
         {
             "relay": {"frequency_hz": case["f0"], "nominal_kv": case["kv"]},
-            "estimator": {"method": method},
+            "estimator": {"method": method, "unsafe": True},
             "line": {"z1_ohm": z1, "z0_ohm": z0},
+            "vt": {} if vt == "unknown" else {"kind": vt},
             "pdis": [
                 {"zone": 1, "reach_pu": 0.8},
                 {"zone": 2, "reach_pu": 0.8, "characteristic": "quad", "resistive_reach_ohm": resistive},
@@ -60,8 +61,8 @@ def settings(case: dict, method: str) -> RelaySettings:
     )
 
 
-def answer(case: dict, samples: np.ndarray, start: int, end: int, method: str) -> Answer:
-    relay, done = Relay(settings(case, method)), 0
+def answer(case: dict, samples: np.ndarray, start: int, end: int, given: RelaySettings) -> Answer:
+    relay, done = Relay(given), 0
     pickup = np.empty(len(samples), np.uint64)
     while done < len(samples):
         m = relay.advance(samples[done:])
@@ -123,13 +124,16 @@ def main() -> None:
     parser.add_argument("--kind", choices=KINDS, default="mixed")
     parser.add_argument("--antialias", type=float, default=1500.0)
     parser.add_argument("--estimator", default="kalman-bank")
+    parser.add_argument("--vt", choices=("ideal", "unknown"), default="ideal", help="what the relay is told")
     given = parser.parse_args()
     answers = []
     for number in range(given.cases):
         case = draw(given.seed, number, given.kind)
         samples, start = record(case, given.antialias)
-        answers += [answer(case, samples[end], start, end, given.estimator) for end in (0, 1)]
-    print(f"{given.kind}, seed {given.seed}, {given.cases} cases, {given.antialias:g} Hz, {given.estimator}")
+        told = settings(case, given.estimator, given.vt)
+        answers += [answer(case, samples[end], start, end, told) for end in (0, 1)]
+    print(f"{given.kind}, seed {given.seed}, {given.cases} cases, {given.antialias:g} Hz, {given.estimator},"
+          f" VT {given.vt}")  # fmt: skip
     tell(answers)
 
 

@@ -65,6 +65,7 @@ CONSTANTS = np.dtype(
         ("pickup_current", "f8"),  # a change that is a disturbance [A] ...
         ("pickup_current_pu", "f8"),  # ... or of the load current
         ("pickup_voltage_pu", "f8"),
+        ("ideal_vt", "i8"),  # the voltage transformer has no transient of its own
         ("memory", "i8"),  # samples for which the voltage before polarizes
         ("fade", "i8"),  # samples in which it then fades
     ],
@@ -165,6 +166,7 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "pickup_current": settings.amperes(phs.pickup_current_a, DEFAULT_CURRENT_A / 2),
         "pickup_current_pu": phs.pickup_current_pu,
         "pickup_voltage_pu": phs.pickup_voltage_pu,
+        "ideal_vt": settings.vt.kind == "ideal",
         "memory": settings.samples(rdir.memory_ms),
         "fade": max(settings.samples(FADE_MS), 1),
     }

@@ -13,7 +13,7 @@ from typing import Any
 from faultloop.config.tables import Table
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.function import Function
-from faultloop.relay.settings import EstimatorSettings, Header, LineSettings
+from faultloop.relay.settings import EstimatorSettings, Header, LineSettings, VtSettings
 
 UNITS = {
     "_ohm": "ohm",
@@ -38,7 +38,8 @@ functions do is in docs/relay.md. With `ohms = "secondary"` every ohm, ampere an
 def reference() -> str:
     """The whole page, Markdown."""
     parts = [HEAD]
-    for key, model in (("relay", Header), ("estimator", EstimatorSettings), ("line", LineSettings)):
+    tables = (("relay", Header), ("estimator", EstimatorSettings), ("line", LineSettings), ("vt", VtSettings))
+    for key, model in tables:
         parts.append(_section(f"`[{key}]`", model))
     for function in FUNCTIONS:
         parts.append(_section(_title(function), function.settings))

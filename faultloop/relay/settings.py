@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validat
 from faultloop.config.override import set_key, split_override
 from faultloop.config.tables import ComplexOhm, Positive, Table, read_toml, validate
 from faultloop.errors import InputError
+from faultloop.relay.estimators.protection import refusal
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.function import Function
 
@@ -51,11 +52,21 @@ class EstimatorSettings(Table):
 
     method: str = "kalman-bank"
     """A name of docs/estimators.md, `file.py:make` of your own, or an entry point's name."""
+    unsafe: bool = False
+    """Takes a method by which distance protection does not decide (docs/relay.md)."""
 
     @property
     def parameters(self) -> dict[str, Any]:
         """The method's own keys."""
         return dict(self.model_extra or {})
+
+
+class VtSettings(Table):
+    """``[vt]``: what is known of the voltage transformer."""
+
+    kind: Literal["ideal"] | None = None
+    """"ideal": an inductive one, or a sensor, without a transient of its own.  Left out it may be any
+    capacitive one: behind a weak source zones without delay then wait for a window of a cycle and more."""
 
 
 class LineSettings(Table):
@@ -90,7 +101,7 @@ Tables: Any = create_model("Tables", __base__=Table, **{f.key: _table(f) for f i
 
 
 class RelaySettings(Tables):
-    """A relay's settings: ``[relay]``, ``[estimator]``, ``[line]``, and a table for each function.
+    """A relay's settings: ``[relay]``, ``[estimator]``, ``[line]``, ``[vt]``, a table for each function.
 
     Build them from a file (`load_settings`) or a dict (`RelaySettings.from_dict`).
     """
@@ -100,6 +111,7 @@ class RelaySettings(Tables):
     relay: Header
     estimator: EstimatorSettings = EstimatorSettings()
     line: LineSettings
+    vt: VtSettings = VtSettings()
 
     _path: Path | None = PrivateAttr(default=None)
     _text: str = PrivateAttr(default="")
@@ -172,6 +184,11 @@ def load_settings(path: Path | str, overrides: Sequence[str] = ()) -> RelaySetti
 
 def _check(settings: RelaySettings, path: Path | None) -> None:
     """What only the whole file can judge."""
+    method = settings.estimator.method
+    reason = refusal(method)
+    if reason is not None and settings.pdis and not settings.estimator.unsafe:
+        what = f"'{method}' is none for distance zones: {reason}; take 'kalman-bank', or say unsafe = true"
+        raise InputError(what, file=path, key="estimator.method")
     for function in FUNCTIONS:
         if function.check is not None and settings.tables(function):
             try:

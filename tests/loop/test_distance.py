@@ -23,7 +23,8 @@ def settings(estimator: str) -> RelaySettings:
     return RelaySettings.from_dict(
         {
             "relay": {"frequency_hz": 50, "nominal_kv": 220},
-            "estimator": {"method": estimator},
+            "estimator": {"method": estimator, "unsafe": True},
+            "vt": {"kind": "ideal"},
             "line": {"z1_ohm": [6.0, 40.0], "z0_ohm": [24.0, 120.0]},
             "pdis": [
                 {"zone": 1, "reach_pu": 0.85},

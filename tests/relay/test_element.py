@@ -150,7 +150,7 @@ def test_it_is_not_called_before_the_estimator_has_settled(tmp_path: Path, metho
     """The first call is that of the first sample after the settling."""
     source = "def step(state, x, out):\n    state[0] += 1\n    out[0] = 1\n"
     element = '[[element]]\nname = "MINE"\nfunction = "stub.py:step"\nstate = [0.0]\n'
-    settings = with_element(tmp_path, source, f'{element}[estimator]\nmethod = "{method}"\n')
+    settings = with_element(tmp_path, source, f'{element}[estimator]\nmethod = "{method}"\nunsafe = true\n')
     relay = Relay(settings)
     samples = NETWORK.samples([(0.0, NETWORK.solve())], 0.3)
     place = len(relay.bits) - 1

@@ -20,6 +20,7 @@ def relay(method: str = "kalman-bank") -> Relay:
             {
                 "relay": {"frequency_hz": 50, "nominal_kv": 220},
                 "estimator": {"method": method},
+                "vt": {"kind": "ideal"},
                 "line": {"z1_ohm": [LINE.real, LINE.imag], "z0_ohm": [29.6, 91.7]},
                 "pdis": [{"zone": 1, "reach_pu": 0.8}, {"zone": 2, "reach_pu": 1.2, "delay_ms": 300.0}],
             }

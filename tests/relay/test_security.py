@@ -59,6 +59,7 @@ def relay_of(length: float) -> Relay:
         RelaySettings.from_dict(
             {
                 "relay": {"frequency_hz": 50, "nominal_kv": 220},
+                "vt": {"kind": "ideal"},
                 "line": {"z1_ohm": [0.06 * length, 0.4 * length], "z0_ohm": [0.24 * length, 1.2 * length]},
                 "pdis": [
                     {"zone": 1, "reach_pu": 0.85},
@@ -143,6 +144,7 @@ def test_drawn_networks() -> None:
             judged += 1
             settings = {
                 "relay": {"frequency_hz": case["f0"], "nominal_kv": case["kv"]},
+                "vt": {"kind": "ideal"},
                 "line": {"z1_ohm": z1, "z0_ohm": z0},
                 "pdis": [{"zone": 1, "reach_pu": 0.8}],
             }

@@ -60,6 +60,7 @@ def default_relay() -> Relay:
         RelaySettings.from_dict(
             {
                 "relay": {"frequency_hz": 50, "nominal_kv": 220},
+                "vt": {"kind": "ideal"},
                 "line": {"z1_ohm": list(Z1), "z0_ohm": list(Z0)},
                 "pdis": [
                     {"zone": 1, "reach_pu": 0.8},

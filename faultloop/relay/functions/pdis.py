@@ -54,6 +54,10 @@ OUTSIDE = np.inf
 DOUBT = 2.0
 """How much what the fit leaves counts against the depth."""
 BY_PHASORS = 0.0
+WEAK = 2.5
+"""Source over line, from the change of voltages and currents."""
+LONGEST, STRONGER = 1.5, 5.0
+"""Cycles that zone 1 waits behind a source of 5 times the line and more; less behind a stronger one."""
 POINTS = 73
 
 
@@ -332,12 +336,21 @@ def delay(c: Record, fault: int) -> int:
 
 
 @njit
-def doubt(g: Record, w: Record) -> float:
-    """How much what the fit leaves counts, after a cycle inside less and less.
+def doubt(g: Record, q: Record, w: Record) -> float:
+    """How much what the fit leaves counts; infinite while the voltage cannot be trusted.
 
-    What rings has gone by then, and what stays - noise, an offset that a transformer has added - says nothing
-    against the depth.
+    After a cycle inside less and less: what rings has gone by then, and what stays - noise, an offset that a
+    transformer has added - says nothing against the depth.  But the transient of a capacitive voltage
+    transformer lasts longer, and is larger than a fault's voltage behind a weak source.  So where it is
+    not known, and the change says that the source is weak, zone 1 waits for a window of a cycle and more.
     """
+    if not g.ideal_vt:
+        voltage2 = size2(q.change[1]) + size2(q.change[2])
+        current2 = size2(q.change[4]) + size2(q.change[5])
+        ratio = math.sqrt(voltage2 / (current2 * size2(g.z1))) if current2 > 0.0 else np.inf
+        if ratio > WEAK:
+            wait = min(LONGEST, LONGEST - 1.0 + ratio / STRONGER)
+            return DOUBT if q.memory.age >= wait * g.cycle else np.inf
     return DOUBT * min(1.0, g.cycle / w.inside)
 
 
@@ -363,8 +376,10 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
             w.inside += 1
         if m >= 1 or w.counter < c.security:
             return
-        if delay(c, q.fault) < g.cycle and zone_depth(g, q, c, mask, doubt(g, w)) >= 1:
-            return
+        if delay(c, q.fault) < g.cycle:
+            left = doubt(g, q, w)
+            if left == np.inf or zone_depth(g, q, c, mask, left) >= 1:
+                return
         w.pickup = 1
         w.outside = 0
         w.timer = 0

@@ -1,0 +1,54 @@
+"""Zone 1 of 80 % behind capacitive voltage transformers of which the relay knows nothing (bench/cvt.py)."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from faultloop.relay import Relay
+
+
+@pytest.fixture(scope="module")
+def bench(root: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("bench_cvt", root / "bench" / "cvt.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def start(
+    bench: ModuleType, circuit: str, sir: float, at: float, kind: str, angle: float, told: str
+) -> float:
+    x, begin = bench.samples(circuit, sir, at, kind, angle, 100.0)
+    return bench.start_ms(Relay(bench.settings(told, "mho", "kalman-bank")), x, begin)
+
+
+@pytest.mark.parametrize("circuit", ["P1", "P2", "A1", "A2"])
+@pytest.mark.parametrize("sir", [3.0, 5.0, 30.0])
+def test_no_start_at_the_remote_bus(bench: ModuleType, circuit: str, sir: float) -> None:
+    """Before: up to 36 of 36 from a source of 5 times the line on."""
+    for kind, angle in (("AG", 45.0), ("BC", 0.0), ("ABC", 90.0)):
+        t = start(bench, circuit, sir, 1.0, kind, angle, "none")
+        assert t != t, f"{kind} {angle:g}: {t} ms"
+
+
+@pytest.mark.parametrize("circuit", ["P1", "A1"])
+def test_it_starts_inside_all_the_same(bench: ModuleType, circuit: str) -> None:
+    for kind in ("AG", "BC"):
+        assert 0.0 < start(bench, circuit, 5.0, 0.3, kind, 45.0, "none") < 65.0
+
+
+def test_an_ideal_one_waits_for_nothing(bench: ModuleType) -> None:
+    for kind in ("AG", "BC", "ABC"):
+        waiting = start(bench, "ideal", 10.0, 0.3, kind, 45.0, "none")
+        at_once = start(bench, "ideal", 10.0, 0.3, kind, 45.0, "ideal")
+        assert 30.0 <= waiting < 60.0
+        assert at_once < 15.0
+        assert (
+            start(bench, "ideal", 1.0, 0.3, kind, 45.0, "none") < 15.0
+        )  # behind a strong source neither waits
