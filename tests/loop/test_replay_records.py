@@ -14,6 +14,7 @@ from faultloop.io.comtrade import AnalogChannel, Rate, Record, write_comtrade
 from faultloop.io.comtrade.record import StatusChannel, times_of
 from faultloop.loop.replay import ReplayResult, replay
 from faultloop.relay import RelaySettings, load_settings
+from tests.relay.test_not_ready import ALLOWED
 
 MHO = Path(__file__).resolve().parents[2] / "scenarios" / "settings" / "ab-mho.toml"
 NAMES = ("VA", "VB", "VC", "IA", "IB", "IC")
@@ -68,7 +69,7 @@ def test_cases_that_are_refused(shared: Path, settings: RelaySettings, name: str
 # -- stretches too slow for a relay -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["kalman-bank", "fourier"])
+@pytest.mark.parametrize("method", ALLOWED)
 @pytest.mark.parametrize("name", ["d50", "d200"])
 def test_a_decimated_stretch_is_blank(shared: Path, tmp_path: Path, name: str, method: str) -> None:
     folder = shared / "cases" / "record-decimated"

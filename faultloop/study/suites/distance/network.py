@@ -128,6 +128,7 @@ class Network:
             "relay": {"frequency_hz": self.frequency_hz, "nominal_kv": BASE_KV},
             "line": {"z1_ohm": [z1.real, z1.imag], "z0_ohm": [z0.real, z0.imag]},
             "pdis": list(zones),
+            "vt": {} if "vt" in self.more else {"kind": "ideal"},
         }
         own |= IDEAL_VT | tables
         return {name: table for name, table in own.items() if table is not None}
