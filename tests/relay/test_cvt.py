@@ -39,8 +39,9 @@ def test_no_start_at_the_remote_bus(bench: ModuleType, circuit: str, sir: float)
 
 @pytest.mark.parametrize("circuit", ["P1", "A1"])
 def test_it_starts_inside_all_the_same(bench: ModuleType, circuit: str) -> None:
+    """Late: P1 oscillates at 3.7 Hz for a tenth of a second."""
     for kind in ("AG", "BC"):
-        assert 0.0 < start(bench, circuit, 5.0, 0.3, kind, 45.0, "none") < 65.0
+        assert 0.0 < start(bench, circuit, 5.0, 0.3, kind, 45.0, "none") < 100.0
 
 
 def test_an_ideal_one_waits_for_nothing(bench: ModuleType) -> None:
