@@ -91,9 +91,9 @@ def read_out(x: Array, t: float, window_s: float) -> tuple[complex, float, float
     """Phasor [V RMS], deviation of the frequency [Hz] and ROCOF [Hz/s] (eq. 9 to 15, at t)."""
     c = x[:TERMS] + 1j * x[TERMS:]
     powers = t ** np.arange(TERMS)
-    value = powers @ c
-    slope = powers[:-1] @ (FIRST * c[1:]) / value
-    curve = powers[:-2] @ (SECOND * c[2:]) / value
+    value = complex(powers @ c)
+    slope = complex(powers[:-1] @ (FIRST * c[1:])) / value
+    curve = complex(powers[:-2] @ (SECOND * c[2:])) / value
     found = (curve - slope**2).imag / (2.0 * np.pi * window_s**2)
     return np.sqrt(0.5) * value, slope.imag / (2.0 * np.pi * window_s), found
 
