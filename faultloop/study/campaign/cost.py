@@ -1,7 +1,7 @@
 """What a campaign will cost, told without running any of it.
 
-The rates are those of one core that does nothing else, as ``python bench/campaign.py --rates`` prints them; a
-machine that others use, or another one, differs by what it differs.
+The rates are of one core that does nothing else, by ``python bench/case.py`` on 2026-11-26 with the machine's
+load divided out (the same `run` took 3 to 4 times what it takes alone): renew them when the loop is quicker.
 """
 
 from __future__ import annotations
