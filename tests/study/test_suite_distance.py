@@ -68,6 +68,12 @@ def test_the_place_of_every_fault_is_what_the_network_says(part: str) -> None:
             assert where_of(scenario, scenario.relay[0]) == told
 
 
+@pytest.mark.slow  # two processes that start
+def test_two_workers_find_what_one_does() -> None:
+    one, two = (run_suite("distance", ["evolving"], quick=True, workers=n)[0].as_dict() for n in (1, 2))
+    assert one == two
+
+
 def test_times_with_missed_operations() -> None:
     times = Times(np.array([10.0, 20.0, np.inf, 12.0]))
     assert times.missed == 1
