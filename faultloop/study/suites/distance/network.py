@@ -14,8 +14,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from faultloop.relay import RelaySettings
-
 BASE_KV = 220.0
 LINE = {
     "r1_ohm_per_km": 0.06, "x1_ohm_per_km": 0.40, "b1_us_per_km": 2.8,
@@ -33,8 +31,6 @@ NEVER_MS = 1e5
 """Operating time of the breaker: no test of a trip is cut short by what the trip does."""
 
 Tables = dict[str, Any]
-IDEAL_VT: Tables = {"vt": {"kind": "ideal"}} if "vt" in RelaySettings.model_fields else {}
-"""What the relays are told of their voltage transformer, if they ask; a capacitive one is never told."""
 
 
 @dataclass(frozen=True)
@@ -122,15 +118,17 @@ class Network:
         return {"z1_ohm": [z1.real, z1.imag], "z0_ohm": [z0.real, z0.imag]}
 
     def settings(self, *zones: Tables, **tables: Any) -> Tables:
-        """Settings of a relay of A - B with these zones; ``tables``: more of them, None for none."""
+        """Settings of a relay of A - B with these zones; ``tables``: more of them, None for none.
+
+        It is told that its voltage transformer is ideal where there is no other."""
         z1, z0 = self.z1_ohm, self.z0_ohm
         own: Tables = {
             "relay": {"frequency_hz": self.frequency_hz, "nominal_kv": BASE_KV},
             "line": {"z1_ohm": [z1.real, z1.imag], "z0_ohm": [z0.real, z0.imag]},
             "pdis": list(zones),
-            "vt": {} if "vt" in self.more else {"kind": "ideal"},
+            "vt": None if "vt" in self.more else {"kind": "ideal"},
         }
-        own |= IDEAL_VT | tables
+        own |= tables
         return {name: table for name, table in own.items() if table is not None}
 
     def mho(self, reach_pu: float = REACH, **keys: Any) -> Tables:

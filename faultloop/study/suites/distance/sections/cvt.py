@@ -36,7 +36,7 @@ def sweeps(quick: bool) -> dict[str, Sweep]:
         for sir in (5.0,) if quick else RATIOS:
             vt = {"name": "V", "ratio": RATIO, "model": "cvt", "circuit": circuit}
             network = Network(sir=sir, more={"vt": [vt]}, relay={"vt": "V"})
-            own, tags = relays(network, RELAY, vt=None), {"circuit": circuit}
+            own, tags = relays(network, RELAY), {"circuit": circuit}
             places = (0.3, 1.0) if quick else (*INSIDE, *OUTSIDE[:3])
             found[f"cvt-{circuit}-{sir:g}"] = Sweep(network, own, {"at": places, **vary}, tags=tags)
             if not quick:

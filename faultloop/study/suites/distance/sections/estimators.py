@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 
-from faultloop.errors import InputError
-from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.estimators import estimator_methods
+from faultloop.relay.estimators.protection import refusal
 from faultloop.study.diagram import Curve, Diagram, Limit
 from faultloop.study.report import Check, Report, Table
 from faultloop.study.suites.distance.network import Network
@@ -23,18 +21,15 @@ FAR = (0.84, 0.9, 1.0)
 QUICK = ("kalman-bank", "fourier")
 
 
-@cache
 def methods(quick: bool) -> tuple[dict[str, str], dict[str, str]]:
     """Those that a relay takes, by the name of a relay that has it; and the others with why not."""
     taken, refused = {}, {}
     for method in QUICK if quick else estimator_methods():
-        network = Network()
-        try:
-            Relay(RelaySettings.from_dict(network.settings(network.mho(), estimator={"method": method})))
-        except InputError as error:
-            refused[method] = str(error)
-        else:
+        why = refusal(method)
+        if why is None:
             taken[method.replace("-", "_")] = method
+        else:
+            refused[method] = why
     return taken, refused
 
 
@@ -70,7 +65,8 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
         "samples; SIR 1 on 100 km and 15 on 25 km. Times are those of the decision: so many relays at "
         "once would wait for the bus."
     )
-    report.text += [f"{method} is refused for protection: {why}" for method, why in refused.items()]
+    if refused:
+        report.tables.append(Table("Refused for protection", ("estimator", "why"), list(refused.items())))
     inside = every.between("depth", 0, INSIDE[-1])
     report.tables.append(_table(every, inside, taken))
     curves = []
