@@ -116,8 +116,8 @@ def test_more_parts_than_the_scenarios_key_mean_the_setting() -> None:
 @pytest.mark.parametrize(
     ("override", "words"),
     [
-        ("relay.RA.pdis.1.reach_pu=-1", r"^--set: .*ab-mho.toml: pdis\[0\].reach_pu: .*greater than 0"),
-        ("relay.RA.pdis.1.reech_pu=1", r"^--set: .*pdis\[0\].reech_pu: unknown key; did you mean 'reach_pu'"),
+        ("relay.RA.pdis.1.reach_pu=-1", r"^--set: .*ab-mho.toml: pdis\[1\].reach_pu: .*greater than 0"),
+        ("relay.RA.pdis.1.reech_pu=1", r"^--set: .*pdis\[1\].reech_pu: unknown key; did you mean 'reach_pu'"),
         ("relay.RA.pdis.9.reach_pu=1", "^--set: .*no pdis '9'"),
         ("relay.RX.pdis.1.reach_pu=1", "^--set: .*there is no relay 'RX'"),
         ("relay.RA.estimator.method=fuorier", r"^--set: .*estimator.method: .*did you mean 'fourier'"),
