@@ -52,7 +52,7 @@ def tick(c: Record, t_ns: int) -> bool:
 @njit
 def due_ns(c: Record) -> int:
     """When number ``count`` is due [ns]."""
-    return np.int64(np.rint(c.count * 1e9 / c.rate_hz)) if c.rate_hz > 0 else np.int64(FOREVER)
+    return int(np.int64(np.rint(c.count * 1e9 / c.rate_hz))) if c.rate_hz > 0 else int(np.int64(FOREVER))
 
 
 class Cyclic:

@@ -84,7 +84,7 @@ def new_bus(bitrate: int, data_bitrate: int, senders: int = 64) -> Bus:
     """A bus that is idle, with room for controllers of that many senders."""
     wire = np.zeros(1, WIRE)
     wire["bitrate"], wire["data_bitrate"], wire["chosen"] = bitrate, data_bitrate, NONE
-    frames = (np.zeros(n, FRAME) for n in (64, 1, 16))
+    frames = (np.zeros(64, FRAME), np.zeros(1, FRAME), np.zeros(16, FRAME))
     rest = (np.zeros(senders, CONTROLLER), np.zeros(4 * senders, CHANGE), np.zeros(IDENTIFIERS + 1, LOAD))
     return Bus(wire, *frames, *rest)
 

@@ -40,7 +40,7 @@ def crc8(data_id: int, data: NDArray[np.uint8], length: int) -> int:
     crc = _STEP[_STEP[data_id & 0xFF] ^ data_id >> 8]
     for i in range(1, length):
         crc = _STEP[crc ^ data[i]]
-    return np.int64(crc)
+    return int(np.int64(crc))
 
 
 def crc8_p01(data_id: int, data: bytes | bytearray) -> int:

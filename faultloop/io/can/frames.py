@@ -11,7 +11,7 @@ import math
 from enum import Enum
 from struct import Struct
 from struct import error as StructError
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -80,8 +80,8 @@ class State(NamedTuple):
     @classmethod
     def of(cls, m: np.void) -> State:
         """Of a ``MESSAGE`` record."""
-        *fields, test = (int(m[name]) for name in cls._fields)
-        return cls(Kind(fields[0]), *fields[1:], bool(test))
+        fields: dict[str, Any] = {name: int(m[name]) for name in cls._fields}
+        return cls(**fields | {"kind": Kind(fields["kind"]), "test": bool(fields["test"])})
 
 
 class SampledValues(NamedTuple):

@@ -121,11 +121,11 @@ def lengths(frame: Record) -> tuple[int, int]:
     if not frame.fd:
         step = _STUFF_BYTE[state, crc >> 7]
         content += 15 + (step >> 4) + _STUFF_7[step & 15, crc & 0x7F]
-        return nominal + data + content + 1 + _FOOTER, np.int64(0)
+        return nominal + data + content + 1 + _FOOTER, int(np.int64(0))
     content += 4 + (17 + 6 if frame.length <= 16 else 21 + 7) + 1  # stuff count, CRC, fixed stuff bits
     if frame.brs:
         return nominal + _FOOTER, data + content
-    return nominal + data + content + _FOOTER, np.int64(0)
+    return nominal + data + content + _FOOTER, int(np.int64(0))
 
 
 @njit
@@ -143,4 +143,4 @@ def _to_switch(frame: Record) -> tuple[int, int]:
 @njit
 def _after_switch(frame: Record) -> tuple[int, int]:
     """ESI where there is one, and DLC."""
-    return _DLC[frame.length], (5 if frame.fd else 4)
+    return int(_DLC[frame.length]), (5 if frame.fd else 4)

@@ -63,7 +63,7 @@ _KINDS = _kinds()
 @njit
 def kind_of(identifier: int) -> int:
     """First identifier of the kind of message, `NOBODY` where it is none of ours."""
-    return _KINDS[identifier] if 0 <= identifier < _KINDS.shape[0] else np.int64(NOBODY)
+    return _KINDS[identifier] if 0 <= identifier < _KINDS.shape[0] else int(np.int64(NOBODY))
 
 
 @njit

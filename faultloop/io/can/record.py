@@ -6,7 +6,6 @@ from struct import Struct
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 LONGEST = 64
 """Bytes of the longest frame."""
@@ -51,7 +50,8 @@ MESSAGE = np.dtype(
 
 Record = Any
 """One element of a structured array, in a kernel."""
-Records = NDArray[np.void]
+Records = Any
+"""A structured array: its elements have fields that no type checker knows."""
 
 _HEAD = Struct("<5q")
 _DATA: int = (FRAME.fields or {})["data"][1]

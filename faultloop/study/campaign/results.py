@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -70,7 +69,7 @@ class Results:
     def varied_keys(self) -> list[str]:
         """Those with more than one value, one for each draw."""
         first = [keys[0] for keys in self._draws]
-        return [key for key in first if pc.count_distinct(self.table[key]).as_py() > 1]
+        return [key for key in first if len(self.table[key].unique()) > 1]
 
     def operate_ms(self, relay: str) -> Array:
         """From the fault's start to the breaker's receiving the trip; NaN without."""
@@ -78,8 +77,8 @@ class Results:
 
     def wrong_of(self, relay: str) -> NDArray[np.bool_]:
         """The cases that are wrong by what this relay did."""
-        own = pc.starts_with(self.table["reason"], f"{relay}: ")
-        return own.fill_null(False).to_numpy() & (self.verdict == "wrong")
+        own = [(reason or "").startswith(f"{relay}: ") for reason in self.table["reason"].to_pylist()]
+        return np.array(own, dtype=bool) & (self.verdict == "wrong")
 
     def limits_ms(self, relay: str) -> list[float]:
         """Within which times the judges want a trip of it."""
