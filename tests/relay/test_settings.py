@@ -46,12 +46,12 @@ def test_a_short_file_is_enough() -> None:
 @pytest.mark.parametrize(
     ("path", "value", "key", "words"),
     [
-        ("pdis.0.reach_p", 0.8, "pdis[0].reach_p", "did you mean 'reach_pu'?"),
-        ("pdis.0.reach_pu", -1.0, "pdis[0].reach_pu", "greater than 0"),
-        ("pdis.0.reach_ohm", 20.0, "pdis[0]", "either reach_pu"),
-        ("pdis.0.characteristic", "quad", "pdis[0]", "resistive_reach_ohm"),
-        ("pdis.0.direction", "forwards", "pdis[0].direction", "'forward', 'reverse' or 'none'"),
-        ("pdis.0.residual_compensation_factor", {"magnitude": 1.0}, "pdis[0].residual", "angle_deg"),
+        ("pdis.0.reach_p", 0.8, "pdis[1].reach_p", "did you mean 'reach_pu'?"),
+        ("pdis.0.reach_pu", -1.0, "pdis[1].reach_pu", "greater than 0"),
+        ("pdis.0.reach_ohm", 20.0, "pdis[1]", "either reach_pu"),
+        ("pdis.0.characteristic", "quad", "pdis[1]", "resistive_reach_ohm"),
+        ("pdis.0.direction", "forwards", "pdis[1].direction", "'forward', 'reverse' or 'none'"),
+        ("pdis.0.residual_compensation_factor", {"magnitude": 1.0}, "pdis[1].residual", "angle_deg"),
         ("line.z1_ohm", [3.0], "line.z1_ohm", "2 numbers"),
         ("line.z0_ohm", None, "line.z0_ohm", "missing"),
         ("line.z1_ohm", [-3.0, 30.0], "line", "r >= 0"),
