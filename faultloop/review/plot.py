@@ -34,7 +34,7 @@ from faultloop.review.view import (
 )
 
 MOST_RELAYS = 3
-LEGEND_KINDS: tuple[Kind, ...] = ("forward", "reverse", "start", "operate", "record")
+LEGEND_KINDS: tuple[Kind, ...] = ("forward", "reverse", "start", "operate", "blocked", "record")
 BAR = 0.72  # height of a timeline bar, of its row
 POINTS = 3000  # of a wave: more than pixels
 INK, FAINT, GRID = "#222222", "#70757C", "#E4E6E9"

@@ -16,7 +16,7 @@ from faultloop.review.summary import RECORD
 from faultloop.review.survey import survey
 
 Zones = Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
-Kind = Literal["fault", "forward", "reverse", "start", "operate", "record", "A", "B", "C"]
+Kind = Literal["fault", "forward", "reverse", "start", "operate", "blocked", "record", "A", "B", "C"]
 
 # Phases and loops, apart from each other for the colour-blind too (Okabe and Ito 2008).
 PHASE_COLOURS = {"A": "#D55E00", "B": "#009E73", "C": "#0072B2"}
@@ -25,12 +25,12 @@ LOOP_COLOURS = {
 }  # fmt: skip
 KIND_COLOURS: dict[Kind, str] = {
     "fault": "#222222", "forward": "#8FA3B5", "reverse": "#D9B8C4", "start": "#9DB4D0", "operate": "#26436B",
-    "record": "#8C7A4F",
+    "record": "#8C7A4F", "blocked": "#D8D2C4",
     "A": PHASE_COLOURS["A"], "B": PHASE_COLOURS["B"], "C": PHASE_COLOURS["C"],
 }  # fmt: skip
 KIND_NAMES: dict[Kind, str] = {
     "fault": "applied", "forward": "forward", "reverse": "reverse", "start": "start", "operate": "operate",
-    "record": "of the record",
+    "record": "of the record", "blocked": "not ready",
     "A": "pole A open", "B": "pole B open", "C": "pole C open",
 }  # fmt: skip
 
@@ -235,6 +235,7 @@ def _digital(summary: Summary, end_ms: float) -> list[TimelineRow]:
 
 KIND_OF_DATA: dict[str, Kind] = {
     "Str": "start", "Op": "operate", "Tr": "operate", "DirFwd": "forward", "DirRev": "reverse",
+    "PhyHealth": "blocked",
 }  # fmt: skip
 
 
