@@ -21,11 +21,11 @@ from mcap.records import Attachment
 from faultloop.errors import InputError
 from faultloop.io.mcap_file import LOG_RECORD, MESSAGE_HEAD, Buffer, McapFile
 from faultloop.io.messages import (
+    BLOCK_SHAPES,
     BY_NAME,
     ELEMENTS,
     EVENT,
     LOOP_IMPEDANCES,
-    PHASORS,
     SAMPLED,
     SAMPLED_VALUES,
     TRIP,
@@ -46,7 +46,6 @@ from faultloop.io.schema import (
 CHUNK_NS = 200_000_000  # log time of a chunk: with LATE_NS, what a kill can cost at most
 LATE_NS = 50_000_000  # how long a chunk waits for the relays that are behind
 MEDIA_TYPES = {".toml": "application/toml", ".dbc": "text/plain", ".json": "application/json"}
-BLOCK_SHAPES = ((), (), (6,), (14,), (12,), (), ())  # after the rows, of what relay_block takes
 
 Characteristics = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
@@ -61,26 +60,22 @@ class RelayRows:
         self.held = 0
         self.t_ns = np.empty(1024, np.int64)
         self.counts = np.empty(1024, np.uint64)
-        self.bits = np.empty((1024, 2), np.uint64)
-        self.values = tuple(np.empty((1024, width)) for width in (6, 14, 12))
+        shapes = [shape for message in SAMPLED for shape in BLOCK_SHAPES[message]]
+        self.values = [np.empty((1024, *shape), np.float64 if shape else np.uint64) for shape in shapes]
 
     def append(self, *block: np.ndarray) -> None:
         """Copies a block of n rows: t_ns, counts, samples, phasors, loops, pickup, operate."""
         rows = len(block[0])
-        for array, tail in zip(block, BLOCK_SHAPES, strict=True):
-            if array.shape != (rows, *tail):
-                shapes = [array.shape for array in block]
-                raise ValueError(
-                    f"a block needs (n,) (n,) (n, 6) (n, 14) (n, 12) (n,) (n,); these are {shapes}"
-                )
+        own = (self.t_ns, self.counts, *self.values)
+        if [array.shape for array in block] != [(rows, *array.shape[1:]) for array in own]:
+            wanted = " ".join(str(("n", *array.shape[1:])).replace("'", "") for array in own)
+            raise ValueError(f"a block needs {wanted}; these are {[array.shape for array in block]}")
         stop = self.held + rows
         if stop > len(self.t_ns):
             self._grow(stop)
         into = slice(self.held, stop)
-        self.t_ns[into], self.counts[into] = block[:2]
-        for own, array in zip(self.values, block[2:5], strict=True):
-            own[into] = array
-        self.bits[into, 0], self.bits[into, 1] = block[5:]
+        for held, array in zip((self.t_ns, self.counts, *self.values), block, strict=True):
+            held[into] = array
         self.held = stop
 
     def _grow(self, rows: int) -> None:
@@ -89,8 +84,8 @@ class RelayRows:
             wider[: self.held] = own[: self.held]
             return wider
 
-        self.t_ns, self.counts, self.bits = larger(self.t_ns), larger(self.counts), larger(self.bits)
-        self.values = tuple(larger(own) for own in self.values)
+        self.t_ns, self.counts = larger(self.t_ns), larger(self.counts)
+        self.values = [larger(own) for own in self.values]
 
     def take(self, rows: int, start_ns: int) -> np.ndarray:
         """The first ``rows`` rows as packed records (``schema.row_dtype``); they are held no longer."""
@@ -99,15 +94,15 @@ class RelayRows:
         out.view(f"V{out.itemsize}")[...] = self.template.view(f"V{out.itemsize}")
         opaque = f"V{HEAD.itemsize}"
         head = heads(np.arange(self.sequence, self.sequence + rows), self.t_ns[:rows] + start_ns).view(opaque)
-        samples, phasors, loops = (own[:rows].view("<u8") for own in self.values)
+        values = iter(self.values)
         for message in SAMPLED:
             out[message.name]["head"].view(opaque)[...] = head
+            body = out[message.name]["body"]["value"]
+            mine = [next(values)[:rows].view("<u8") for _ in BLOCK_SHAPES[message]]
+            words = mine[0] if BLOCK_SHAPES[message][0] else np.stack(mine, axis=1)
+            body[:, -words.shape[-1] :] = words
         out[SAMPLED_VALUES.name]["body"]["value"][:, 0] = self.counts[:rows]
-        out[SAMPLED_VALUES.name]["body"]["value"][:, 1:] = samples
-        out[PHASORS.name]["body"]["value"] = phasors
-        out[LOOP_IMPEDANCES.name]["body"]["value"] = loops
-        out[ELEMENTS.name]["body"]["value"] = self.bits[:rows]
-        for own in (self.t_ns, self.counts, self.bits, *self.values):
+        for own in (self.t_ns, self.counts, *self.values):
             own[: self.held - rows] = own[rows : self.held].copy()
         self.held -= rows
         self.sequence += rows
@@ -246,13 +241,14 @@ class LogWriter:
         loops: np.ndarray,
         pickup: np.ndarray,
         operate: np.ndarray,
+        *more: np.ndarray,
     ) -> None:
-        """Logs n samples of a relay with everything it made of them; the arrays are copied.
+        """Logs n samples of a relay with all that it made of them (``BLOCK_SHAPES``); the arrays are copied.
 
         Shapes: t_ns (n,) int64 [ns since the start, increasing], sample_count (n,), samples (n, 6) [V, A],
         phasors (n, 14), loops (n, 12) [ohm], pickup and operate (n,) uint64.
         """
-        self._relays[name].append(t_ns, sample_count, samples, phasors, loops, pickup, operate)
+        self._relays[name].append(t_ns, sample_count, samples, phasors, loops, pickup, operate, *more)
         if len(t_ns):
             self._advance(name, int(t_ns[-1]))
 

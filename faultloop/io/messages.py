@@ -234,6 +234,16 @@ MESSAGES = (
     RECORD_DIGITAL,
 )
 SAMPLED = tuple(message for message in MESSAGES if message.every_sample)
+
+
+def _block_shapes(message: Message) -> tuple[tuple[int, ...], ...]:
+    doubles = sum(field.type == "double" for field in message.fields)
+    return ((doubles,),) if doubles else tuple(() for _ in message.fields)
+
+
+BLOCK_SHAPES = {message: _block_shapes(message) for message in SAMPLED}
+"""What a block of n of a relay's samples has of each message, after n: a matrix of its numbers, or its words.
+Before them stand t_ns and the samples' numbers, (n,) each."""
 BY_NAME = {message.name: message for message in MESSAGES} | {
     message.full_name: message for message in MESSAGES
 }

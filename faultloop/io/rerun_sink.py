@@ -131,6 +131,7 @@ class RerunSink:
         loops: np.ndarray,
         pickup: np.ndarray,
         operate: np.ndarray,
+        *_: np.ndarray,
     ) -> None:
         """Takes a block as ``LogWriter.relay_block`` does; sends it when 50 ms are together."""
         if not len(t_ns):

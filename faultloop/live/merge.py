@@ -10,7 +10,7 @@ import numpy as np
 from faultloop.errors import InputError
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import CHUNK_NS, LogWriter
-from faultloop.io.messages import SAMPLED, message_of, values
+from faultloop.io.messages import BLOCK_SHAPES, SAMPLED, message_of, values
 from faultloop.io.output_file import parts_of
 from faultloop.io.recover import recover_log
 from faultloop.loop.recording import Attachments, Metadata
@@ -89,22 +89,15 @@ def _bare_bits(log: Log, relay: str) -> list[str]:
 
 
 def _columns(log: Log, relay: str, shift: int) -> tuple[np.ndarray, ...]:
-    samples, phasors, loops, elements = (
-        log.samples(relay),
-        log.phasors(relay),
-        log.loops(relay),
-        log.elements(relay),
-    )
-    n = min(len(a) for a in (samples, phasors, loops, elements))
-    return (
-        samples["t_ns"][:n] + shift,
-        samples["sample_count"][:n],
-        values(samples)[:n, -6:],
-        values(phasors)[:n],
-        values(loops)[:n],
-        elements["pickup"][:n],
-        elements["operate"][:n],
-    )
+    found = [(shapes, log.array(message.topic_for(relay))) for message, shapes in BLOCK_SHAPES.items()]
+    n = min(len(rows) for _, rows in found)
+    columns = [found[0][1]["t_ns"][:n] + shift, found[0][1]["sample_count"][:n]]
+    for shapes, rows in found:
+        if shapes[0]:
+            columns.append(values(rows)[:n])
+        else:
+            columns += [rows[name][:n] for name in (rows.dtype.names or ())[1:]]
+    return tuple(columns)
 
 
 def _joined(parts: list[tuple[np.ndarray, ...]]) -> tuple[np.ndarray, ...]:

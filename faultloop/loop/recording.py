@@ -58,6 +58,7 @@ class Sink(Protocol):
         pickup: np.ndarray,
         operate: np.ndarray,
         /,
+        *more: np.ndarray,
     ) -> None: ...
 
     def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None: ...
@@ -108,7 +109,7 @@ class MemorySink:
         if what == "samples":
             rows["sample_count"] = columns[1]
         if what == "elements":
-            rows["pickup"], rows["operate"] = columns[5:]
+            rows["pickup"], rows["operate"] = columns[5:7]
         else:
             values(rows)[:] = columns[{"samples": 2, "phasors": 3, "loops": 4}[what]]
         return rows

@@ -17,6 +17,7 @@ from faultloop.loop.outcome import Cast, EventText, Fold, Outcome, pole_names
 from faultloop.loop.played import Choices, Played, from_comtrade, from_log
 from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
 from faultloop.loop.runner import interruptible
+from faultloop.nodes.block import RelayBlock
 from faultloop.nodes.clock import SampleClock
 from faultloop.relay import Relay, RelayInputs, RelaySettings, load_settings
 from faultloop.relay.named_code import refuse_user_code
@@ -262,13 +263,12 @@ class _Playing:
         self, t_ns: NDArray[np.int64], numbers: NDArray[np.int64], samples: NDArray[np.float64], turn: complex
     ) -> None:
         relay, result = self.relay, self.result
-        phasors = relay.phasors
+        block = RelayBlock.of(relay, samples)
         if turn != 1:
-            phasors = phasors.copy()
+            phasors = relay.phasors.copy()
             phasors[:, :12].view(np.complex128)[...] *= turn
-        self.recorder.relay_block(
-            NAME, t_ns, numbers, samples, phasors, relay.loops, relay.pickup, relay.operate
-        )
+            block = block._replace(phasors=phasors)
+        self.recorder.relay_block(NAME, t_ns, numbers, *block)
         _first_times(relay.bits, relay.pickup, t_ns, result.first_pickup_ns)
         _first_times(relay.bits, relay.operate, t_ns, result.first_operate_ns)
         for event in relay.events:
