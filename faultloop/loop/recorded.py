@@ -9,14 +9,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeGuard
 
 from faultloop.io.mcap_reader import Log
 
 Tables = dict[str, Any]
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
@@ -25,11 +25,11 @@ def _is_text(value: object) -> bool:
 
 
 def _is_frequency(value: object) -> bool:
-    return _is_number(value) and 1 <= value <= 1000  # type: ignore[operator]
+    return _is_number(value) and 1 <= value <= 1000
 
 
 def _is_positive(value: object) -> bool:
-    return _is_number(value) and value > 0  # type: ignore[operator]
+    return _is_number(value) and value > 0
 
 
 def _is_impedance(value: object) -> bool:

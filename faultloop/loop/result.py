@@ -144,6 +144,8 @@ def _objection(expect: Expect, trip: TripReport, fault_ns: int | None) -> str | 
     if after is None:
         timed = expect.within_ms is not None or expect.after_ms is not None
         return "its breaker did not receive it" if timed else None
+    if expect.within_ms is not None and after < 0:
+        return f"{-after:.1f} ms before the fault"
     if expect.within_ms is not None and after > expect.within_ms:
         return f"after {after:.1f} ms, not within {expect.within_ms:g} ms"
     if expect.after_ms is not None and after < expect.after_ms:

@@ -19,7 +19,7 @@ import pytest
 import zstandard
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 from mcap_protobuf.decoder import DecoderFactory
 
 from faultloop.cli import call
@@ -33,31 +33,10 @@ from faultloop.io.recover import recover_log
 from faultloop.io.tables import topic_table
 from faultloop.review.export import log_to_can, log_to_comtrade
 from faultloop.review.summary import summarize
+from tests.io.test_mcap_log import rewrite
 from tests.review.review_logs import write_log as write_known
 
 KINDS = ("plain", "zstd", "lz4", "part", "foreign", "foreign without chunks")
-
-
-def as_another_program(source: Path, target: Path, **options: bool) -> None:
-    """The messages of a log as mcap's own writer writes them, proto3's zeros left out."""
-    with source.open("rb") as stream, target.open("wb") as out:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        writer = Writer(out, compression=CompressionType.LZ4, chunk_size=20_000, **options)
-        writer.start()
-        schemas: dict[int, int] = {}
-        channels: dict[int, int] = {}
-        for schema, channel, message, proto in reader.iter_decoded_messages():
-            assert schema is not None
-            if schema.id not in schemas:
-                schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
-            if channel.id not in channels:
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, "protobuf", schemas[schema.id], channel.metadata
-                )
-            writer.add_message(
-                channels[channel.id], message.log_time, proto.SerializeToString(), message.log_time
-            )
-        writer.finish()
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +48,12 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
     def made(kind: str) -> bytes:
         path = folder / f"{kind}.mcap"
         if kind.startswith("foreign"):
-            as_another_program(write_known(folder / "ours.mcap", 720), path, use_chunking=kind == "foreign")
+            rewrite(
+                write_known(folder / "ours.mcap", 720),
+                path,
+                CompressionType.LZ4,
+                use_chunking=kind == "foreign",
+            )
             return path.read_bytes()
         compression = kind if kind in ("zstd", "lz4") else ""
         source = open_log(write_known(folder / "ours.mcap", 720))
