@@ -134,7 +134,7 @@ def announce_compilation() -> None:
 
     if note := cache_note():
         warn(f"faultloop: {note}")
-    on_first_compilation(lambda: warn("compiling what this machine has not run before: up to a minute"))
+    on_first_compilation(lambda: warn("compiling what this machine has not run before: one to three minutes"))
 
 
 def print_json(data: Any) -> None:
