@@ -1,16 +1,18 @@
-"""A campaign's case, `run` and the log of `run` say the same: random cases over what a scenario may have.
+"""A campaign's row, its case, `run` and the log of `run` say the same: random scenarios of all kinds.
 
-    python bench/equality.py [CASES] [--seed N] [--first N]
+    python bench/equality.py [CASES] [--seed N] [--first N] [--rows N]
 
-Each case is run three times: by `faultloop.run` with a log, by `run` without one, and by `Cases`.  Trips,
+Each scenario is run three times: by `faultloop.run` with a log, by `run` without one, and by `Cases`.  Trips,
 faults, events (of one instant in any order), positions, frames, bus load, locations: to the nanosecond and
-bit.  The first difference ends it, with status 3 and the number of the case.
+bit.  Then a campaign of N rows (2) varies it, and each row, as it is read back from the Parquet file, is what
+`run` of that case and its log say.  The first difference ends it, with status 3 and the scenario's number.
 """
 
 from __future__ import annotations
 
 import argparse
 import copy
+import math
 import tempfile
 import tomllib
 from collections import Counter
@@ -18,10 +20,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 
 import faultloop
+from faultloop.config.toml_text import toml_text
 from faultloop.loop.case import Cases
-from faultloop.loop.outcome import Cast, Fold, outcome_of
+from faultloop.loop.outcome import Cast, Fold, TripReport, outcome_of
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import RelaySettings
 
@@ -79,7 +83,7 @@ def draw_bus_fault(rng: np.random.Generator) -> dict[str, Any]:
     return fault | ({"duration_s": float(rng.uniform(0.01, 0.1))} if rng.random() < 0.5 else {})
 
 
-def draw_settings(rng: np.random.Generator, folder: Path, estimators: tuple[str, ...]) -> RelaySettings:
+def draw_settings(rng: np.random.Generator, estimators: tuple[str, ...]) -> dict[str, Any]:
     """Of a relay: its scheme, its estimator, and a user's own element."""
     name = "ab-single-pole" if rng.random() < 0.3 else "ab-mho"
     data = tomllib.loads((SCENARIOS / "settings" / f"{name}.toml").read_text(encoding="utf-8"))
@@ -87,13 +91,43 @@ def draw_settings(rng: np.random.Generator, folder: Path, estimators: tuple[str,
     if rng.random() < 0.2:
         function = str(rng.choice(["overcurrent", "counting"]))
         data["element"] = [{"name": "OWN", "function": f"own.py:{function}", "state": [0.0], "trip": False}]
-    return RelaySettings.from_dict(data, path=folder / "own.toml")
+    return data
+
+
+def draw_primary(rng: np.random.Generator, data: dict[str, Any]) -> None:
+    """What the network may have besides the line, and the relays' transformers."""
+    match rng.choice(["line", "line", "parallel", "capacitor"]):
+        case "parallel":
+            data["line"].append(data["line"][0] | {"name": "CD"})
+            data["mutual"] = [{"lines": ["AB", "CD"], "r0m_ohm_per_km": 0.18, "x0m_ohm_per_km": 0.65}]
+        case "capacitor":
+            bank = {"line": "AB", "at_pu": float(rng.choice([0.0, 0.5, 1.0])), "x_ohm": 16.0, "mov_kv": 60.0}
+            data["series_capacitor"] = [bank]
+    if rng.random() < 0.2:
+        data["load"] = [{"bus": "B", "mw": 80.0, "mvar": 20.0}]
+    if rng.random() < 0.2:
+        own = {"ratio": [1000, 1], "model": "saturating", "vs_v": 200.0, "burden_ohm": [4.0, 0.0]}
+        data["ct"] = [own | {"name": "TA", "rw_ohm": 4.0, "remanence_pu": float(rng.uniform(0.0, 0.8))}]
+        data["relay"][0]["ct"] = "TA"
+    if rng.random() < 0.2:
+        circuit = str(rng.choice(["P1", "A2"]))
+        data["vt"] = [{"name": "TV", "ratio": [220_000, 110], "model": "cvt", "circuit": circuit}]
+        data["relay"][0]["vt"] = "TV"
 
 
 def draw(
     number: int, seed: int, folder: Path, estimators: tuple[str, ...] = ESTIMATORS
 ) -> tuple[Scenario, dict[str, RelaySettings]]:
     """Case `number`: it depends on the seed, its number and the estimators alone; `folder`: of `prepare`."""
+    data, settings = drawn(number, seed, folder, estimators)
+    own = {name: RelaySettings.from_dict(one, path=folder / "own.toml") for name, one in settings.items()}
+    return Scenario.from_dict(data, path=SCENARIOS / "x.toml"), own
+
+
+def drawn(
+    number: int, seed: int, folder: Path, estimators: tuple[str, ...] = ESTIMATORS
+) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """The same as what a scenario's file and those of its relays' settings would parse to."""
     rng = np.random.default_rng([seed, number])
     data = copy.deepcopy(BASE) | {"expect": []}
     data["scenario"] |= {"duration_s": DURATION_S, "seed": int(rng.integers(1000))}
@@ -113,8 +147,40 @@ def draw(
         data["front_end"] = {"antialias_hz": 1200.0, "voltage_noise_v": 50.0, "current_noise_a": 1.0}
     for breaker in data["breaker"]:
         breaker["operate_ms"] = float(rng.choice([0.0, 20.0, 40.0]))
-    settings = {name: draw_settings(rng, folder, estimators) for name in ("RA", "RB")}
-    return Scenario.from_dict(data, path=SCENARIOS / "x.toml"), settings
+    settings = {name: draw_settings(rng, estimators) for name in ("RA", "RB")}
+    draw_primary(rng, data)
+    return data, settings
+
+
+def campaign(
+    number: int, seed: int, folder: Path, rows: int, estimators: tuple[str, ...] = ESTIMATORS
+) -> faultloop.Campaign:
+    """Of `rows` cases of scenario `number`: what there is in it, varied."""
+    data, settings = drawn(number, seed, folder, estimators)
+    for relay in data["relay"]:
+        relay["settings"] = f"{relay['name']}.toml"
+        (folder / relay["settings"]).write_text(toml_text(settings[relay["name"]]), encoding="utf-8")
+    (folder / "drawn.toml").write_text(toml_text(data), encoding="utf-8")
+    vary: list[dict[str, Any]] = [
+        {"key": "scenario.seed", "values": [1, 22, 333, 4444]},
+        {"key": "relay.RA.estimator.method", "values": list(estimators)},
+        {"keys": ["relay.RA.pdis.1.reach_pu", "relay.RB.pdis.1.reach_pu"], "uniform": [0.5, 0.95]},
+        {"key": "breaker.QA.operate_ms", "uniform": [0.0, 40.0]},
+        {"key": "source.SB.angle_deg", "values": [-12.0, 5.0]},
+        {"key": "can.fd", "values": [True, False]},
+    ]
+    if "keys" in data["can"]:
+        vary[-1] = {"key": "can.confirmations", "values": [1, 2]}  # tags need CAN FD
+    for place, fault in enumerate(data["fault"]):
+        here = [n for n, other in enumerate(data["fault"]) if other["at_pu"] == fault["at_pu"]]
+        if here[0] == place:  # those at one place stay together
+            vary.append({"keys": [f"fault.{n}.at_pu" for n in here], "uniform": [0.03, 0.97]})
+        vary.append({"key": f"fault.{place}.type", "values": list(TYPES)})
+        vary.append({"key": f"fault.{place}.start_s", "uniform": [0.02, 0.15]})
+        vary.append({"key": f"fault.{place}.resistance_ohm", "log_uniform": [0.1, 50.0]})
+    head = {"name": f"{number}", "scenario": "drawn.toml", "sampling": "random", "cases": rows, "seed": seed}
+    tables = {"campaign": head, "vary": vary, "judge": [{"relay": "RA", "trip": True, "within_ms": 60}]}
+    return faultloop.Campaign.from_dict(tables, path=folder / "campaign.toml")
 
 
 def prepare(folder: Path) -> None:
@@ -150,11 +216,59 @@ def differences(
     return found
 
 
+COLUMNS = {
+    "function": "function", "zone": "zone", "loop": "loop", "poles": "pole_names", "decided_ns": "t_ns",
+    "received_ns": "received_ns", "opened_ns": "opened_ns",
+}  # fmt: skip
+
+
+def row_differences(campaign: faultloop.Campaign, folder: Path) -> list[str]:
+    """What the rows of a campaign, read back, do not say as `run` of their cases, and its log, do."""
+    out = folder / "rows.parquet"
+    out.unlink(missing_ok=True)
+    campaign.run(out)
+    found = []
+    for row in pq.read_table(out).to_pylist():
+        try:
+            case = campaign.case(row["case"])
+            done = faultloop.run(case.scenario, settings=case.settings, log=folder / "case.mcap", keep=False)
+        except faultloop.InputError as error:
+            if row["error"] is None or not str(error).startswith(row["error"]):
+                found.append(f"row {row['case']}: {row['error']} is told, {error} is so")
+            continue
+        log = outcome_of(faultloop.open_log(folder / "case.mcap"))
+        said = [("run", done.trips, done.fault_start_ns), ("log", log.trips, log.fault_start_ns)]
+        for name, trips, fault_ns in said:
+            expected = expected_cells(case.scenario, trips, fault_ns)
+            if name == "run":
+                for relay, place in done.fault_locations.items():
+                    expected[f"{relay}.location_pu"] = place if math.isfinite(place) else None
+            expected["error"] = None
+            found += [
+                f"row {row['case']}: {key} {row[key]!r}, {name} {value!r}"
+                for key, value in expected.items()
+                if repr(row[key]) != repr(value)
+            ]
+    return found
+
+
+def expected_cells(scenario: Scenario, trips: list[TripReport], fault_ns: int | None) -> dict[str, Any]:
+    """A row's cells but for the locations, by what `docs/campaigns.md` says of them."""
+    cells: dict[str, Any] = {"fault_ns": fault_ns}
+    for relay in scenario.relay:
+        own = sorted((trip for trip in trips if trip.relay == relay.name), key=lambda trip: trip.t_ns)
+        cells |= {f"{relay.name}.trips": len(own), f"{relay.name}.tripped": bool(own)}
+        for column, name in COLUMNS.items():
+            cells[f"{relay.name}.{column}"] = getattr(own[0], name) if own else None
+    return cells
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("cases", type=int, nargs="?", default=10_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--rows", type=int, default=2)
     options = parser.parse_args()
     kept, tripped = Cases(), Counter[int]()
     with tempfile.TemporaryDirectory() as name:
@@ -163,12 +277,18 @@ def main() -> int:
         for number in range(options.first, options.first + options.cases):
             scenario, settings = draw(number, options.seed, folder)
             found = differences(scenario, settings, kept, folder)
+            if options.rows:
+                found += row_differences(campaign(number, options.seed, folder, options.rows), folder)
             if found:
                 print(f"case {number}: {', '.join(found)}")
                 return 3
-            tripped[len(faultloop.open_log(folder / "case.mcap").trips)] += 1
+            tripped[len(faultloop.open_log(folder / "case.mcap").trips)] += 1  # of the last that was run
     told = ", ".join(f"{count} with {trips} trips" for trips, count in sorted(tripped.items()))
-    print(f"{options.cases} cases, seed {options.seed}: log, run and case are the same; {told}")
+    rows = options.cases * options.rows
+    print(
+        f"{options.cases} scenarios, seed {options.seed}: log, run and case are the same, and {rows} rows of"
+        f" campaigns are what run and log say; of the last logs {told}"
+    )
     return 0
 
 

@@ -33,7 +33,8 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Run many cases of a scenario; each gets a verdict.  What is there of it already is not run again."""
-    from faultloop.cli.output import announce_compilation, case_bar, console, print_json
+    from faultloop.cli.campaign_progress import case_progress
+    from faultloop.cli.output import announce_compilation, console, print_json
     from faultloop.errors import InputError
     from faultloop.study.campaign import Campaign
 
@@ -43,7 +44,7 @@ def command(
     path = out if out is not None else Path("logs") / f"{campaign.stem}.parquet"
     prepared = Campaign.load(campaign, user_code=not no_user_code)
     try:
-        with case_bar(prepared.cases) as progress:
+        with case_progress(prepared.cases) as progress:
             summary = prepared.run(
                 path,
                 workers=_cores() if workers is None else workers,

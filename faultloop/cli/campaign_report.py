@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,27 +29,16 @@ def command(
 ) -> int:
     """What a campaign came to: times, distributions, shots, wrong answers, and the worst cases."""
     from faultloop.cli.output import console, print_json, print_report
-    from faultloop.io.output_file import write_aside
+    from faultloop.io.output_file import check_target
     from faultloop.study.campaign.results import Results
-    from faultloop.study.report import write_page
 
+    for path, suffix in ((html, ".html"), (png, ".png")):
+        if path is not None:
+            check_target(path, suffix)
     results = Results(file)
     over = None if map_ is None else _two(map_, results.keys)
     reports = _reports(results, old)
-    written = []
-    if html is not None or png is not None:
-        from faultloop.study.campaign.drawing import plotly_figure, write_png
-        from faultloop.study.campaign.figures import panels
-
-        drawn = list(panels(results, over))
-        with write_aside(html, ".html") if html is not None else nullcontext() as page:
-            if page is not None:
-                reports[0].figures = [(panel.title, plotly_figure(panel)) for panel in drawn]
-                reports[0].notes = {panel.title: panel.note for panel in drawn if panel.note}
-                write_page(reports, page)
-        if png is not None:
-            write_png(results.name, drawn, png)
-        written = [str(path) for path in (html, png) if path is not None]
+    written = _draw(results, reports, over, html, png)
     if json:
         told = {"file": str(file), "cases": len(results), "reports": [r.as_dict() for r in reports]}
         print_json(told | {"written": written})
@@ -62,12 +50,30 @@ def command(
     return 0
 
 
+def _draw(
+    results: Results, reports: list[Report], over: tuple[str, str] | None, html: Path | None, png: Path | None
+) -> list[str]:
+    """The page and the picture; their paths."""
+    if html is None and png is None:
+        return []
+    from faultloop.study.campaign.figures import diagrams
+    from faultloop.study.diagram import write_png
+    from faultloop.study.report import write_html
+
+    reports[0].diagrams = diagrams(results, over)
+    if html is not None:
+        write_html(reports, html)
+    if png is not None:
+        write_png(results.name, reports[0].diagrams, png)
+    return [str(path) for path in (html, png) if path is not None]
+
+
 def _reports(results: Results, old: Path | None) -> list[Report]:
-    from faultloop.study.campaign.report import changes, report_of, worst_of
+    from faultloop.study.campaign.report import changes, report_of, setup_of, worst_of
     from faultloop.study.campaign.results import Results
 
     changed = [] if old is None else [changes(results, Results(old))]
-    return [report_of(results), *changed, worst_of(results)]
+    return [report_of(results), *changed, worst_of(results), setup_of(results)]
 
 
 def _two(text: str, keys: tuple[str, ...]) -> tuple[str, str]:

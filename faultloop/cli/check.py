@@ -87,7 +87,7 @@ def _campaign(file: Path) -> dict[str, Any]:
     from faultloop.study.campaign.cost import cost_of
 
     campaign = Campaign.load(file)
-    first = campaign.case(0)
+    first = campaign.plan.first
     return {
         "kind": "campaign",
         "name": campaign.plan.tables.campaign.name,

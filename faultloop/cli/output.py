@@ -11,7 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
@@ -84,32 +84,6 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None] | None]:
     with Progress(console=err, transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda part: bar.update(task, completed=part)
-
-
-@contextmanager
-def case_bar(cases: int) -> Iterator[Callable[[int, int], None] | None]:
-    """A bar for a campaign, with its rate and the time left; None where standard error is no terminal."""
-    err = Console(stderr=True)
-    if not err.is_terminal:
-        yield None
-        return
-    columns = (
-        TextColumn("{task.completed:.0f} of {task.total:.0f} cases"),
-        BarColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeRemainingColumn(compact=True),
-    )
-    with Progress(*columns, console=err, transient=True) as bar:
-        task = bar.add_task("cases", total=cases, rate="", start=False)
-
-        def show(done: int, total: int) -> None:
-            if not bar.tasks[0].started:  # what was there before tells nothing of the rate
-                bar.reset(task, completed=done, total=total)
-            bar.update(task, completed=done, total=total)
-            speed = bar.tasks[0].speed
-            bar.update(task, rate="" if not speed else f"{3600 * speed:,.0f} an hour")
-
-        yield show
 
 
 def serve(stream: RerunSink | None) -> None:

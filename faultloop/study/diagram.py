@@ -18,21 +18,35 @@ COLOURS = (
 )  # fmt: skip
 INK, GRID = "#222222", "#E4E6E9"
 DASHES = {"solid": "-", "dash": "--", "dot": ":"}
+HEIGHT, EQUAL_HEIGHT = 460, 640
+MOST_NAMES = 16
+"""Along an axis of a picture."""
+MOST_SHAPES = 1500
+"""Points of a plot that a browser draws one by one; more are drawn by its graphics processor."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A line with or without (``smooth``) its points, points, or a band to ``upper``.  NaN breaks it."""
+    """A line with or without (``smooth``) its points, steps, points, a band to ``upper``.  NaN breaks it."""
 
     name: str
     x: ArrayLike
     y: ArrayLike
-    kind: Literal["line", "smooth", "points", "band"] = "line"
-    colour: int = 0
+    kind: Literal["line", "smooth", "steps", "points", "band"] = "line"
+    colour: int | str = 0
+    """Of `COLOURS`, or one of its own."""
     dash: str = "solid"
     """Of `DASHES`."""
     upper: ArrayLike | None = None
     in_legend: bool = True
+    group: str | None = None
+    """Those of one group are shown and hidden together, by the entry of the one that is in the legend."""
+    told: tuple[str, ArrayLike] | None = None
+    """What each point is the value of, under the mouse: ``("case", numbers)``."""
+
+    @property
+    def ink(self) -> str:
+        return self.colour if isinstance(self.colour, str) else COLOURS[self.colour % len(COLOURS)]
 
 
 @dataclass(frozen=True)
@@ -46,19 +60,29 @@ class Limit:
 
 @dataclass(frozen=True)
 class Surface:
-    """Values over a grid, coloured, with lines of equal value; NaN: none there.
+    """Values over a grid of numbers or names, coloured; NaN: none there.
 
     Attributes
     ----------
     z : (len(y), len(x)).
-    levels : values at which lines are drawn.
+    levels : the first and the last are the ends of the colours.
+    written : in each cell; its value where not given.
     """
 
-    x: Sequence[float]
-    y: Sequence[float]
+    x: Sequence[float | str]
+    y: Sequence[float | str]
     z: NDArray[np.float64]
     levels: Sequence[float]
     unit: str = "ms"
+    written: Sequence[Sequence[str]] | None = None
+    colours: str = "YlGnBu"
+    """A scale that plotly and matplotlib both have."""
+
+    def texts(self) -> list[list[str]]:
+        """What stands in each cell."""
+        if self.written is not None:
+            return [list(row) for row in self.written]
+        return [["" if np.isnan(value) else f"{value:.3g}" for value in row] for row in self.z]
 
 
 @dataclass(frozen=True)
@@ -77,8 +101,11 @@ class Diagram:
     y_ticks: Sequence[float] | None = None
     x_names: Sequence[str] | None = None
     """In place of numbers at ``x_ticks``."""
-    y_range: tuple[float, float] | None = None
+    y_range: tuple[float, float | None] | None = None
+    """None: as far as it goes."""
     equal: bool = False
+    note: str = ""
+    """What is said to it on a page."""
 
     def plotly(self) -> Any:
         """For a page."""
@@ -87,8 +114,9 @@ class Diagram:
         figure = go.Figure()
         if self.surface is not None:
             _plotly_surface(figure, self.surface)
+        many = sum(np.size(curve.x) for curve in self.curves if curve.kind == "points") > MOST_SHAPES
         for curve in self.curves:
-            _plotly_curve(figure, curve)
+            _plotly_curve(figure, curve, many)
         for limit in self.limits:
             add = figure.add_hline if limit.axis == "y" else figure.add_vline
             add(
@@ -107,12 +135,17 @@ class Diagram:
                     tickmode="array", tickvals=list(ticks), ticktext=list(names or [f"{t:g}" for t in ticks])
                 )
         if self.y_range is not None:
-            figure.update_yaxes(range=np.log10(self.y_range).tolist() if self.log_y else list(self.y_range))
+            ends = [
+                None if end is None else float(np.log10(end)) if self.log_y else end for end in self.y_range
+            ]
+            figure.update_yaxes(range=ends)
         if self.equal:
-            figure.update_yaxes(scaleanchor="x")
+            figure.update_xaxes(constrain="domain")
+            figure.update_yaxes(scaleanchor="x", constrain="domain")
         figure.update_layout(
-            xaxis_title=self.x_label, yaxis_title=self.y_label, template="simple_white", height=460,
-            margin={"l": 65, "r": 20, "t": 25, "b": 55}, legend={"font": {"size": 11}},
+            xaxis_title=self.x_label, yaxis_title=self.y_label, template="simple_white", hovermode="closest",
+            height=EQUAL_HEIGHT if self.equal else HEIGHT, legend={"font": {"size": 11}},
+            margin={"l": 65, "r": 20, "t": 25, "b": 55},
         )  # fmt: skip
         return figure.update_xaxes(showgrid=True, gridcolor=GRID).update_yaxes(showgrid=True, gridcolor=GRID)
 
@@ -162,10 +195,10 @@ def write_png(title: str, diagrams: Sequence[Diagram], path: Path) -> None:
         figure.savefig(aside, format="png", dpi=100, metadata={"Software": None})
 
 
-def _plotly_curve(figure: Any, curve: Curve) -> None:
-    colour = COLOURS[curve.colour % len(COLOURS)]
-    own = {"name": curve.name, "legendgroup": curve.name, "showlegend": curve.in_legend}
-    x, y = np.asarray(curve.x), np.asarray(curve.y)
+def _plotly_curve(figure: Any, curve: Curve, many: bool) -> None:
+    group = curve.group or curve.name
+    own: dict[str, Any] = {"name": curve.name, "legendgroup": group, "showlegend": curve.in_legend}
+    colour, x, y = curve.ink, np.asarray(curve.x), np.asarray(curve.y)
     if curve.kind == "band":
         upper = np.asarray(curve.upper)
         figure.add_scatter(
@@ -173,22 +206,33 @@ def _plotly_curve(figure: Any, curve: Curve) -> None:
             fillcolor=_faint(colour), hoverinfo="skip", **own,
         )  # fmt: skip
         return
-    mode = {"points": "markers", "smooth": "lines"}.get(curve.kind, "lines+markers")
-    figure.add_scatter(
-        x=x, y=y, mode=mode, line={"color": colour, "dash": curve.dash, "width": 1.8},
-        marker={"color": colour, "size": 5}, **own,
-    )  # fmt: skip
+    said = "%{x:.4g}, %{y:.4g}<extra></extra>"
+    if curve.told is not None:
+        what, values = curve.told
+        own |= {"customdata": np.asarray(values), "hovertemplate": f"{what} %{{customdata}}: {said}"}
+    if curve.kind == "points":
+        add = figure.add_scattergl if many else figure.add_scatter
+        add(x=x, y=y, mode="markers", marker={"color": colour, "size": 6, "opacity": 0.75}, **own)
+        return
+    line = {"color": colour, "dash": curve.dash, "width": 1.8}
+    line |= {"shape": "hv"} if curve.kind == "steps" else {}
+    mode = "lines+markers" if curve.kind == "line" else "lines"
+    figure.add_scatter(x=x, y=y, mode=mode, line=line, marker={"color": colour, "size": 5}, **own)
 
 
 def _plotly_surface(figure: Any, surface: Surface) -> None:
     low, high = surface.levels[0], surface.levels[-1]
     figure.add_heatmap(
-        x=[f"{x:g}" for x in surface.x], y=[f"{y:g}" for y in surface.y], z=surface.z,
-        text=[["" if np.isnan(v) else f"{v:.3g}" for v in row] for row in surface.z],
-        texttemplate="%{text}", textfont={"size": 10}, colorscale="YlGnBu", zmin=low, zmax=high,
-        colorbar={"title": surface.unit}, hoverongaps=False,
+        x=_names(surface.x), y=_names(surface.y), z=surface.z, text=surface.texts(), texttemplate="%{text}",
+        textfont={"size": 10}, colorscale=surface.colours, zmin=low, zmax=high, xgap=1, ygap=1,
+        colorbar={"title": surface.unit, "thickness": 12}, hoverongaps=False,
+        hovertemplate=f"%{{x}}, %{{y}}: %{{z:.3g}} {surface.unit}<extra></extra>",
     )  # fmt: skip
     figure.update_xaxes(type="category").update_yaxes(type="category")
+
+
+def _names(values: Sequence[float | str]) -> list[str]:
+    return [value if isinstance(value, str) else f"{value:g}" for value in values]
 
 
 def _faint(colour: str) -> str:
@@ -197,23 +241,17 @@ def _faint(colour: str) -> str:
 
 
 def _draw_curve(axes: Any, curve: Curve) -> None:
-    colour, label = COLOURS[curve.colour % len(COLOURS)], curve.name if curve.in_legend else None
+    colour, label = curve.ink, curve.name if curve.in_legend else None
     if curve.kind == "band":
         assert curve.upper is not None
         axes.fill_between(curve.x, curve.y, curve.upper, color=colour, alpha=0.13, linewidth=0, label=label)
         return
     line = "none" if curve.kind == "points" else DASHES[curve.dash]
-    marker = "" if curve.kind == "smooth" else "."
     axes.plot(
-        curve.x,
-        curve.y,
-        color=colour,
-        marker=marker,
-        markersize=5,
-        linewidth=1.3,
-        label=label,
-        linestyle=line,
-    )
+        curve.x, curve.y, color=colour, label=label, linestyle=line, linewidth=1.3,
+        marker="" if curve.kind in ("smooth", "steps") else ".", markersize=5,
+        drawstyle="steps-post" if curve.kind == "steps" else "default",
+    )  # fmt: skip
 
 
 def _draw_limit(axes: Any, limit: Limit) -> None:
@@ -233,20 +271,15 @@ def _draw_surface(figure: Any, axes: Any, surface: Surface) -> None:
     """Cells with their values, at equal distances whatever the numbers are."""
     low, high = surface.levels[0], surface.levels[-1]
     image = axes.imshow(
-        surface.z, origin="lower", aspect="auto", cmap="YlGnBu", vmin=low, vmax=high, interpolation="nearest"
-    )
+        surface.z, origin="lower", aspect="auto", cmap=surface.colours, vmin=low, vmax=high,
+        interpolation="nearest",
+    )  # fmt: skip
     figure.colorbar(image, ax=axes, label=surface.unit)
+    texts = surface.texts()
     for (row, column), value in np.ndenumerate(surface.z):
-        if np.isfinite(value):
-            dark = value > (low + high) / 2
-            axes.text(
-                column,
-                row,
-                f"{value:.3g}",
-                ha="center",
-                va="center",
-                fontsize=7,
-                color="white" if dark else INK,
-            )
-    axes.set_xticks(range(len(surface.x)), [f"{x:g}" for x in surface.x])
-    axes.set_yticks(range(len(surface.y)), [f"{y:g}" for y in surface.y])
+        if np.isfinite(value) and texts[row][column]:
+            colour = "white" if value > (low + high) / 2 else INK
+            axes.text(column, row, texts[row][column], ha="center", va="center", fontsize=7, color=colour)
+    for names, axis in ((_names(surface.x), axes.xaxis), (_names(surface.y), axes.yaxis)):
+        step = -(-len(names) // MOST_NAMES)
+        axis.set_ticks(range(0, len(names), step), names[::step])

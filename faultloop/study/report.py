@@ -93,8 +93,6 @@ class Report:
     tables: list[Table] = field(default_factory=list)
     checks: list[Check] = field(default_factory=list)
     figures: list[tuple[str, Any]] = field(default_factory=list)
-    notes: dict[str, str] = field(default_factory=dict)
-    """What is said to a figure, by its title."""
     diagrams: list[Diagram] = field(default_factory=list)
     failed: str = ""
 
@@ -162,11 +160,11 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
         parts += [f"<p>{escape(line)}</p>" for line in report.text]
         tables = [*report.tables, *([check_table(report)] if report.checks else [])]
         parts += [_html_table(table) for table in tables]
-        drawn = [(diagram.title, diagram.plotly()) for diagram in report.diagrams]
-        for title, figure in [*drawn, *report.figures]:
+        drawn = [(diagram.title, diagram.note, diagram.plotly()) for diagram in report.diagrams]
+        for title, note, figure in [*drawn, *((title, "", figure) for title, figure in report.figures)]:
             parts.append(f"<h2>{escape(title)}</h2>")
-            if title in report.notes:
-                parts.append(f"<p class=note>{escape(report.notes[title])}</p>")
+            if note:
+                parts.append(f"<p class=note>{escape(note)}</p>")
             _for_page(figure)
             parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly, config=CONFIG))
             plotly = False

@@ -14,6 +14,7 @@ from faultloop.config.campaign import CampaignTables
 from faultloop.config.tables import read_toml, validate
 from faultloop.errors import InputError
 from faultloop.nodes.roster import seal
+from faultloop.study.campaign.check import check_plan
 from faultloop.study.campaign.plan import Case, Files, Plan
 from faultloop.study.campaign.run import Progress, Summary, run_campaign
 from faultloop.study.campaign.waves import Waves
@@ -46,8 +47,9 @@ class Campaign:
         tables = validate(CampaignTables, data, path)
         base = path.parent if path is not None else Path()
         plan = Plan(tables, Files.read(base / tables.campaign.scenario), path, user_code)
+        check_plan(plan)
         if plan.key_files():
-            seal(plan.case(0).scenario)  # in one line here, not in each row
+            seal(plan.first.scenario)  # in one line here, not in each row
         return cls(plan)
 
     @property

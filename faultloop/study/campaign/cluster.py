@@ -55,7 +55,7 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
                     " goes on from there",
                     file=parts.out,
                 ) from None
-            job.write(number, rows, waves)
+            job.files.write(number, rows, waves)
             future.release()
             yield number
             hand_out()

@@ -20,6 +20,23 @@ from faultloop.config.campaign import Vary
 Array = NDArray[np.float64]
 SOBOL_BLOCK = 1024
 MOST_TRIED = 500
+MOST_SHOWN = 24
+
+
+def described(vary: Vary) -> str:
+    """What a ``[[vary]]`` takes, for a person."""
+    if vary.values is not None:
+        shown = [f"{v:g}" if isinstance(v, float) else str(v) for v in vary.values[:MOST_SHOWN]]
+        text = ", ".join(shown) + (f", ... ({len(vary.values)})" if len(vary.values) > MOST_SHOWN else "")
+    elif vary.range is not None:
+        text = "{:g} to {:g}, {} values".format(*vary.range)
+    elif vary.uniform is not None:
+        text = "uniform, {:g} to {:g}".format(*vary.uniform)
+    elif vary.log_uniform is not None:
+        text = "log-uniform, {:g} to {:g}".format(*vary.log_uniform)
+    else:
+        text = "normal, mean {:g}, deviation {:g}".format(*vary.normal or ())
+    return text + "".join(f"; {key}: {factor:g} times that" for key, factor in vary.factor.items())
 
 
 def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:

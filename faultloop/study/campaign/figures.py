@@ -1,139 +1,102 @@
-"""What a campaign's report shows, as panels that a page and a picture draw alike."""
+"""What a campaign's report shows: times, distributions, shots, and where the wrong answers are."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.relay.layout import instances
-from faultloop.study.campaign.results import Results
+from faultloop.study.campaign.results import Mask, Results
+from faultloop.study.diagram import Curve, Diagram, Limit, Surface
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
 BINS = 40
 GROUPS = 8
 SHOTS = 4000
 """Points of a kind in a shot plot."""
+STEPS = 500
+"""Of a distribution's line."""
 CELLS = 60
 MOST_WRITTEN = 200
 RATIOS = ("#30123b", "#4454c4", "#2b9bf4", "#1fc9a4", "#7bb51d", "#d3a10c", "#f1711d", "#c22402")
-LIMIT, ZONE = "#5f6b7a", "#9aa0a6"
+ZONE = "#9aa0a6"
+RIGHT, WRONG, QUIET = "#1a7f37", "#c62828", "#5f6b7a"
+MILLISECONDS = "ms, from the fault to the breaker's receiving the trip"
+DECADE = [digit * 10**power for power in range(-1, 5) for digit in (1, 2, 5)]
 
 
-@dataclass(frozen=True)
-class Series:
-    """A line, a dotted line, steps or points; those of one ``group`` have one entry in the legend, the first.
-
-    Attributes
-    ----------
-    told : what is said of each point.
-    """
-
-    name: str
-    x: Array
-    y: Array
-    mode: Literal["line", "dotted", "steps", "points"] = "line"
-    colour: str | None = None
-    group: str | None = None
-    told: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One plot.  With ``cells`` it is a map: a value (or NaN) for each of ``y_names`` and ``x_names``.
-
-    Attributes
-    ----------
-    written : in each cell of the map.
-    """
-
-    title: str
-    x_label: str
-    y_label: str
-    series: list[Series] = field(default_factory=list)
-    equal: bool = False
-    log_x: bool = False
-    note: str = ""
-    cells: Array | None = None
-    written: Sequence[Sequence[str]] = ()
-    x_names: Sequence[str] = ()
-    y_names: Sequence[str] = ()
-
-
-def panels(results: Results, over: tuple[str, str] | None = None) -> Iterator[Panel]:
+def diagrams(results: Results, over: tuple[str, str] | None = None) -> list[Diagram]:
     """All of a report; ``over``: the two keys of the map of wrong answers."""
-    for relay in results.relays:
-        found = times_by_position(results, relay)
-        if found is not None:
-            yield found
-    for relay in results.relays:
-        found = distribution(results, relay)
-        if found is not None:
-            yield found
-    for relay in results.relays:
-        found = shots(results, relay)
-        if found is not None:
-            yield found
-    found = wrong_answers(results, over)
-    if found is not None:
-        yield found
+    found = [wrong_answers(results, over)]
+    for drawn in (times_by_position, distribution, shots):
+        found += [drawn(results, relay) for relay in results.relays]
+    return [diagram for diagram in found if diagram is not None]
 
 
-def times_by_position(results: Results, relay: str) -> Panel | None:
+def times_by_position(results: Results, relay: str) -> Diagram | None:
     """Operate time against the fault's position, a line per source impedance ratio where it was varied."""
     key = results.first_key(".at_pu", ".at_km")
     times = results.operate_ms(relay)
     if key is None or not np.isfinite(times).any():
         return None
     x = results.numbers(key)
-    series = []
+    curves = []
     for name, colour, own in _by_ratio(results):
         centres, middle, worst = _middle(x[own], times[own])
-        series.append(Series(f"{name}: median", centres, middle, "line", colour, name))
-        series.append(Series(f"{name}: slowest", centres, worst, "dotted", colour, name))
-    ends = np.array([np.nanmin(x), np.nanmax(x)])
-    for limit in results.limits_ms(relay):
-        series.append(Series(f"within {limit:g} ms", ends, np.full(2, limit), "dotted", LIMIT, "limit"))
-    return Panel(
+        curves.append(Curve(name, centres, middle, colour=colour, group=name))
+        slowest = Curve(
+            f"{name}: slowest", centres, worst, "smooth", colour, "dot", in_legend=False, group=name
+        )
+        curves.append(slowest)
+    return Diagram(
         f"{relay}: operate time against position",
         key,
-        "ms, from the fault to the breaker's receiving the trip",
-        series,
+        MILLISECONDS,
+        curves,
+        _limits(results, relay, "y"),
+        y_range=(0, None),
         note="Line: the median, of all cases; it ends where less than half of them were tripped. Dotted: the"
         " slowest trip.",
     )
 
 
-def distribution(results: Results, relay: str) -> Panel | None:
+def distribution(results: Results, relay: str) -> Diagram | None:
     """The part of the cases that was tripped within which time, a line per source impedance ratio."""
     times = results.operate_ms(relay)
     if not np.isfinite(times).any():
         return None
-    series = []
+    curves = []
     for name, colour, own in _by_ratio(results):
         tripped = np.sort(times[own & np.isfinite(times)])
         if len(tripped):
             part = 100 * np.arange(1, len(tripped) + 1) / own.sum()
-            pick = np.unique(np.linspace(0, len(tripped) - 1, 500).astype(int))
-            series.append(Series(name, tripped[pick], part[pick], "steps", colour))
-    for limit in results.limits_ms(relay):
-        name = f"within {limit:g} ms"
-        series.append(Series(name, np.full(2, limit), np.array([0.0, 100.0]), "dotted", LIMIT, "limit"))
-    return Panel(
+            pick = np.unique(np.linspace(0, len(tripped) - 1, STEPS).astype(int))
+            curves.append(Curve(name, tripped[pick], part[pick], "steps", colour))
+    low, high = np.nanmin(times), np.nanmax(times)
+    spread = bool(low > 0)
+    return Diagram(
         f"{relay}: operate time, cumulative",
-        "ms, from the fault to the breaker's receiving the trip",
+        MILLISECONDS,
         "% of all cases",
-        series,
-        log_x=bool(np.nanmin(times) > 0),
+        curves,
+        _limits(results, relay, "x"),
+        log_x=spread,
+        x_ticks=[tick for tick in DECADE if low / 2 <= tick <= 2 * high] if spread else None,
+        y_range=(0, 102),
         note="What is missing to 100 % was not tripped.",
     )
 
 
-def _by_ratio(results: Results) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
+def _limits(results: Results, relay: str, axis: Literal["x", "y"]) -> list[Limit]:
+    return [Limit(f"within {limit:g} ms", limit, axis) for limit in results.limits_ms(relay)]
+
+
+def _by_ratio(results: Results) -> Iterator[tuple[str, str, Mask]]:
     """Name, colour (the weaker the source the warmer) and cases of each source impedance ratio."""
     key = results.first_key(".sir")
     if key is None:
@@ -144,13 +107,40 @@ def _by_ratio(results: Results) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:
         yield name, RATIOS[number * (len(RATIOS) - 1) // max(len(groups) - 1, 1)], own
 
 
-def shots(results: Results, relay: str) -> Panel | None:
+def shots(results: Results, relay: str) -> Diagram | None:
     """Each fault on the relay's line where a test set puts it: x z1, and its resistance without infeed."""
     place = results.shot_ohm(relay)
     if place is None:
         return None
+    curves = _zones(results, relay)
+    wrong, tripped, case = results.wrong_of(relay), results.tripped(relay), results.numbers("case")
+    for name, own, colour in (
+        ("tripped", tripped & ~wrong, RIGHT),
+        ("not tripped", ~tripped & ~wrong, QUIET),
+        ("wrong", wrong, WRONG),
+    ):
+        which = np.flatnonzero(own & np.isfinite(place.real))
+        if len(which) > SHOTS:
+            which = which[np.linspace(0, len(which) - 1, SHOTS).astype(int)]
+        if len(which):
+            told = ("case", case[which].astype(np.int64))
+            at = place[which]
+            curves.append(Curve(name, at.real, at.imag, "points", colour, told=told))
+    return Diagram(
+        f"{relay}: shots on the R-X plane",
+        "R ohm, primary",
+        "X ohm, primary",
+        curves,
+        equal=True,
+        note="Where a test set would put the fault: its place on the line and its resistance, without infeed"
+        f" from the other end. Each point tells its case; of more than {SHOTS} of a kind some are shown.",
+    )
+
+
+def _zones(results: Results, relay: str) -> list[Curve]:
+    """Outlines of the zones, as the first case has them; one entry in the legend."""
     settings = results.settings[relay]
-    series = []
+    curves: list[Curve] = []
     for instance in instances(settings):
         if instance.function.polygons is None:
             continue
@@ -158,56 +148,52 @@ def shots(results: Results, relay: str) -> Panel | None:
         kinds = [("", ground)] if np.array_equal(ground, phase) else [(" ground", ground), (" phase", phase)]
         for name, polygon in kinds:
             if len(polygon):
-                x, y = polygon[:, 0], polygon[:, 1]
-                series.append(Series(f"{instance.name}{name}", x, y, colour=ZONE, group="zones"))
-    wrong = results.wrong_of(relay)
-    tripped = results.column(f"{relay}.tripped") == True  # noqa: E712 - null is neither
-    for name, own, colour in (
-        ("tripped", tripped & ~wrong, "#1a7f37"),
-        ("not tripped", ~tripped & ~wrong, "#5f6b7a"),
-        ("wrong", wrong, "#c62828"),
-    ):
-        which = np.flatnonzero(own & np.isfinite(place.real))
-        if len(which) > SHOTS:
-            which = which[np.linspace(0, len(which) - 1, SHOTS).astype(int)]
-        if len(which):
-            told = [f"case {case}" for case in results.column("case")[which]]
-            x, y = place.real[which], place.imag[which]
-            series.append(Series(name, x, y, "points", colour, told=told))
-    return Panel(
-        f"{relay}: shots on the R-X plane",
-        "R ohm, primary",
-        "X ohm, primary",
-        series,
-        equal=True,
-        note="Where a test set would put the fault: its place on the line and its resistance, without infeed"
-        f" from the other end. Each point tells its case; of more than {SHOTS} of a kind some are shown.",
-    )
+                x, y, told = polygon[:, 0], polygon[:, 1], f"{instance.name}{name}"
+                curves.append(Curve(told, x, y, "smooth", ZONE, in_legend=False, group="zones"))
+    return curves
 
 
-def wrong_answers(results: Results, over: tuple[str, str] | None) -> Panel | None:
-    """The part of wrong answers over two varied keys."""
-    keys = over or tuple(results.varied_keys()[:2])
+def wrong_answers(results: Results, over: tuple[str, str] | None) -> Diagram | None:
+    """The part of wrong answers over two varied keys; where none are given, those that tell the most."""
+    keys = over or telling_keys(results)
     if len(keys) < 2:
         return None
-    judged = results.verdict != "unjudged"
-    (x, x_names), (y, y_names) = (_cells(results.column(key)) for key in keys)
+    (x, x_names), (y, y_names) = (_cells(results, key) for key in keys[:2])
     shape = (len(y_names), len(x_names))
-    place = np.ravel_multi_index((y, x), shape)
-    every = np.bincount(place[judged], minlength=shape[0] * shape[1]).astype(float)
-    wrong = np.bincount(place[results.verdict == "wrong"], minlength=len(every))
+    every, wrong = _counted(results, np.ravel_multi_index((y, x), shape), shape[0] * shape[1])
     part = np.full(len(every), np.nan)
     np.divide(100 * wrong, every, out=part, where=every > 0)
     few = len(every) <= MOST_WRITTEN
-    texts = [f"{w} of {e:.0f}" if e and few else "" for w, e in zip(wrong, every, strict=True)]
-    return Panel(
-        "Wrong answers, % of the judged", keys[0], keys[1], cells=part.reshape(shape), x_names=x_names,
-        y_names=y_names, written=[texts[i : i + shape[1]] for i in range(0, len(texts), shape[1])],
+    texts = [f"{w} of {e}" if e and few else "" for w, e in zip(wrong, every, strict=True)]
+    written = [texts[i : i + shape[1]] for i in range(0, len(texts), shape[1])]
+    surface = Surface(x_names, y_names, part.reshape(shape), [0, 100], "% wrong", written, "Reds")
+    return Diagram(
+        "Wrong answers, % of the judged", keys[0], keys[1], surface=surface,
         note="Over any two varied keys with --map KEY,KEY. Empty: no case was judged there.",
     )  # fmt: skip
 
 
-def _groups(key: str, values: Array) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+def telling_keys(results: Results) -> list[str]:
+    """The varied keys, those first over which the part of wrong answers differs most (the variance of it
+    between a key's values, of all); in their own order where nothing is wrong."""
+    keys = results.varied_keys()
+    told = {}
+    for key in keys:
+        cell, names = _cells(results, key)
+        every, wrong = _counted(results, cell, len(names))
+        part = wrong / np.maximum(every, 1)
+        mean = wrong.sum() / max(every.sum(), 1)
+        told[key] = float(np.sum(every * (part - mean) ** 2))
+    return sorted(keys, key=lambda key: -told[key])
+
+
+def _counted(results: Results, cell: Counts, cells: int) -> tuple[Counts, Counts]:
+    """In each cell, how many were judged, and how many were wrong."""
+    every, wrong = (np.bincount(cell[which], minlength=cells) for which in (results.judged, results.wrong))
+    return every, wrong
+
+
+def _groups(key: str, values: Array) -> Iterator[tuple[str, Mask]]:
     """A key's values, or parts of them where there are many."""
     name = key.rpartition(".")[2].upper()
     own = np.unique(values[np.isfinite(values)])
@@ -242,14 +228,16 @@ def _finite(values: Array) -> Array:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _cells(values: NDArray[Any]) -> tuple[NDArray[np.int64], list[str]]:
-    """Which column or row of a map each value is in, and their names."""
-    if values.dtype.kind in "fi":
-        own = np.unique(values[np.isfinite(values)]) if values.dtype.kind == "f" else np.unique(values)
-        if len(own) > CELLS:
-            edges = np.linspace(own[0], own[-1], 25)
-            number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(edges) - 2)
-            return number, [f"{(a + b) / 2:.4g}" for a, b in pairwise(edges)]
-        return np.clip(np.searchsorted(own, values), 0, len(own) - 1), [f"{value:g}" for value in own]
-    names, number = np.unique(values.astype(str), return_inverse=True)
-    return number, [str(name) for name in names]
+def _cells(results: Results, key: str) -> tuple[Counts, list[str]]:
+    """Which column or row of a map each case is in (any, of a case that has no value), and their names."""
+    if not results.is_number(key):
+        codes, texts = results.texts(key)
+        order = np.argsort(texts)
+        return np.append(np.argsort(order), 0)[codes], [texts[i] for i in order]
+    values = results.numbers(key)
+    own = np.unique(values[np.isfinite(values)])
+    if len(own) > CELLS:
+        edges = np.linspace(own[0], own[-1], 25)
+        number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(edges) - 2)
+        return number, [f"{(a + b) / 2:.4g}" for a, b in pairwise(edges)]
+    return np.clip(np.searchsorted(own, values), 0, len(own) - 1), [f"{value:g}" for value in own]

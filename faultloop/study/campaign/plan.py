@@ -4,33 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from faultloop.config.campaign import CampaignTables
 from faultloop.config.override import copied, override_settings, set_key, setting_of
 from faultloop.config.tables import read_toml
-from faultloop.errors import InputError, nearest
+from faultloop.errors import InputError
 from faultloop.loop.inputs import check_settings
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import RelaySettings
-from faultloop.relay.estimators import make_estimator
-from faultloop.relay.layout import instances
-from faultloop.relay.named_code import named_code
 from faultloop.study.campaign.condition import Condition
 from faultloop.study.campaign.draw import Draws
 from faultloop.study.campaign.grid import Grid
-from faultloop.study.campaign.where import where_of
 
 MOST_COMBINATIONS = 100_000_000
 ATTEMPTS = 1000
 """Draws of one case before its conditions count as impossible."""
-LOOKED_AT, PASSED_OVER = 2000, 50_000
-"""Cases that a judge must apply to one of: places of a fault, and how many cases they are looked for in."""
+FIRST = 1000
+"""Cases among which there must be one that is possible."""
 KEPT_SETTINGS = 1000
-
-WITHOUT_PLACE = ("type", "angle_deg", "resistance_ohm", "ground_ohm", "duration_s")
-"""Of a fault: what does not decide where it is."""
 
 Change = tuple[str, str, Any]
 """The campaign's key, the key in the settings, the value."""
@@ -84,7 +78,7 @@ class Files:
 
 
 class Plan:
-    """A campaign and its files.  Raises InputError for whatever would make its cases impossible."""
+    """A campaign and its files.  Raises InputError; `check_plan` finds more that is wrong with them."""
 
     def __init__(
         self, tables: CampaignTables, files: Files, file: object = None, user_code: bool = True
@@ -101,7 +95,6 @@ class Plan:
         try:
             self._read_settings()
             self.cases = self._count()
-            self._check()
         except InputError as error:
             raise error.within(file) from None
 
@@ -115,6 +108,18 @@ class Plan:
             if all(condition.holds(values) for condition in self.conditions):
                 return values
         raise InputError(f"holds in none of {ATTEMPTS} draws", key="only")
+
+    @cached_property
+    def first(self) -> Case:
+        """The first that is possible.  Raises the first one's InputError where none of `FIRST` is."""
+        objection: InputError | None = None
+        for number in range(min(self.cases, FIRST)):
+            try:
+                return self.case(number)
+            except InputError as error:
+                objection = objection or error
+        assert objection is not None
+        raise objection
 
     def case(self, number: int) -> Case:
         """Case `number`, from 0.  Raises InputError where it is impossible."""
@@ -211,108 +216,8 @@ class Plan:
         self._grid = Grid(self.draws, self.conditions)
         return len(self._grid)
 
-    # -- what can be known before the first case is run ------------------------------------------------------
-
-    def _check(self) -> None:
-        first = self.values(0)
-        for place in range(len(self.tables.vary)):  # first: an end of a range explains more than one case
-            for value in self.draws.ends(place):
-                self._check_end(place, value, first)
-        case = self.made(0, first)
-        _check_estimators(case)
-        self._check_judges(case)
-
-    def _check_end(self, place: int, value: Any, first: Mapping[str, Any]) -> None:
-        own = self.draws.keyed(place, value)
-        values = dict(first) | own
-        try:
-            if all(condition.holds(values) for condition in self.conditions):
-                _check_estimators(self.made(0, values))
-        except InputError as error:
-            self.made(0, {})  # where a file is wrong by itself, that is told
-            told = ", ".join(f"{key} = {own[key]!r}" for key in own)
-            raise InputError(
-                f"{told} is impossible: {error.what}", file=self.file, key=_where(error, place)
-            ) from None
-
-    def _check_judges(self, base: Case) -> None:
-        for number, judge in enumerate(self.tables.judge):
-            if judge.relay not in base.settings:
-                what = f"there is no relay '{judge.relay}'; {nearest(judge.relay, base.settings)}"
-                raise InputError(what, key=f"judge[{number}].relay")
-            functions = _functions(base.settings[judge.relay])
-            if judge.function is not None and judge.function not in functions:
-                what = f"relay '{judge.relay}' has no function '{judge.function}'"
-                raise InputError(
-                    f"{what}; {nearest(judge.function, functions)}", key=f"judge[{number}].function"
-                )
-        wanted, looked_at = self._never_met()
-        for (relay, where), number in wanted.items():
-            raise InputError(
-                f"can never apply: in none of {looked_at} cases is a fault {_told(where)} for relay"
-                f" '{relay}'",
-                key=f"judge[{number}].where",
-            )
-
-    def _never_met(self) -> tuple[dict[tuple[str, str], int], int]:
-        """Where a judge wants a fault, seen from its relay, and no case has one, with the judge's number; and
-        in how many cases it was looked for.
-        """
-        wanted = {
-            (judge.relay, judge.where): number
-            for number, judge in reversed(list(enumerate(self.tables.judge)))
-            if judge.where is not None
-        }
-        keys = [key for key in self.keys if _places(key)]
-        seen: set[str] = set()
-        looked_at = 0
-        for number in range(0, self.cases, max(self.cases // PASSED_OVER, 1)):
-            if not wanted or len(seen) >= LOOKED_AT:
-                break
-            looked_at += 1
-            try:
-                values = self.values(number)
-                place = repr([values[key] for key in keys])
-                if place in seen:
-                    continue
-                seen.add(place)
-                case = self.made(number, values)
-            except InputError:  # will be a row with its error
-                continue
-            for relay in case.scenario.relay:
-                wanted.pop((relay.name, where_of(case.scenario, relay)), None)
-        return wanted, looked_at
-
-
-def _check_estimators(case: Case) -> None:
-    """That they can be made; not of code of the user's own, which is not run before the first case."""
-    for settings in case.settings.values():
-        if not any(named_code(settings)):
-            own, estimator = settings.relay, settings.estimator
-            make_estimator(estimator.method, own.sampling_hz, own.frequency_hz, **estimator.parameters)
-
 
 def of_fault(key: str) -> bool:
     """Whether it leaves the settings, and the network before the fault, as they are."""
     table, *_, name = key.split(".")
     return table in ("scenario", "fault") and name not in ("line", "at_pu", "at_km", "bus")
-
-
-def _places(key: str) -> bool:
-    """Whether it may decide where a fault is."""
-    table, *_, name = key.split(".")
-    return table in ("line", "relay") or (table == "fault" and name not in WITHOUT_PLACE)
-
-
-def _functions(settings: RelaySettings) -> list[str]:
-    """Names of what can trip."""
-    own = [instance.name for instance in instances(settings) if instance.name != "PTRC1"]
-    return [*own, *(element.name for element in settings.element)]
-
-
-def _where(error: InputError, place: int) -> str:
-    return f"vary[{place}]" if error.key is None else f"vary[{place}]: {error.key}"
-
-
-def _told(where: str | None) -> str:
-    return "absent" if where == "none" else str(where)

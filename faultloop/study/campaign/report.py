@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-import re
 import shlex
+from collections import Counter
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
+from faultloop.config.campaign import Judge
 from faultloop.errors import InputError
-from faultloop.study.campaign.results import Results
+from faultloop.study.campaign.draw import described
+from faultloop.study.campaign.results import Mask, Results
 from faultloop.study.report import Report, Table
 
 WORST = 20
 CHANGES = 50
 PERCENTILES = (50, 95, 99, 100)
+FIGURES = r"after -?[\d.]+ ms, |\(.*\)| -?[\d.]+ ms$"
+"""Of a reason: what differs from case to case."""
+NUMBERS = r"-?\d+(\.\d+)?(e[-+]?\d+)?"
+LATE = ": after -?[0-9]"
+"""A reason that is a trip at the wrong time."""
 
 
 def report_of(results: Results) -> Report:
@@ -27,7 +36,32 @@ def report_of(results: Results) -> Report:
     report.tables = [_times(results)]
     if counts["wrong"]:
         report.tables.append(_reasons(results))
+    if counts["failed"]:
+        report.tables.append(_failures(results))
     return report
+
+
+def setup_of(results: Results) -> Report:
+    """What the campaign is: what it varies, what it holds to be right, what it was made with."""
+    head, record = results.tables.campaign, results.record
+    report = Report("setup", "What was asked")
+    sampling = head.sampling if head.sampling == "grid" else f"{head.sampling}, seed {head.seed}"
+    made = ", ".join(f"{name} {version}" for name, version in record["versions"].items())
+    report.text = [f"Scenario {record['scenario']['name']}, {sampling}. Made with {made}."]
+    rows = [[", ".join(vary.all_keys), described(vary)] for vary in results.tables.vary]
+    report.tables = [Table("Varied", ["key", "values"], rows)]
+    if results.tables.only:
+        report.tables.append(Table("Only where", ["condition"], [[o.when] for o in results.tables.only]))
+    if results.tables.judge:
+        judged = [[judge.relay, judge.where or "any", _wanted(judge)] for judge in results.tables.judge]
+        report.tables.append(Table("Judged", ["relay", "fault", "right is"], judged))
+    return report
+
+
+def _wanted(judge: Judge) -> str:
+    said = judge.model_dump(exclude_none=True, exclude={"relay", "where", "trip"}, exclude_defaults=True)
+    parts = ["a trip" if judge.trip else "no trip", *(f"{key} {value}" for key, value in said.items())]
+    return ", ".join(parts)
 
 
 def worst_of(results: Results) -> Report:
@@ -38,7 +72,7 @@ def worst_of(results: Results) -> Report:
 
 
 def _counts(results: Results) -> dict[str, int]:
-    counts = {name: int((results.verdict == name).sum()) for name in ("right", "wrong", "unjudged")}
+    counts = {name: int(results.verdict(name).sum()) for name in ("right", "wrong", "unjudged")}
     return counts | {"failed": len(results) - results.table["error"].null_count}
 
 
@@ -48,7 +82,7 @@ def _times(results: Results) -> Table:
         times = results.operate_ms(relay)
         times = times[np.isfinite(times)]
         own = np.percentile(times, PERCENTILES) if len(times) else [float("nan")] * len(PERCENTILES)
-        tripped = int((results.column(f"{relay}.tripped") == True).sum())  # noqa: E712
+        tripped = int(results.tripped(relay).sum())
         rows.append([relay, tripped, len(results) - tripped, *map(float, own)])
     columns = [
         "relay",
@@ -61,24 +95,43 @@ def _times(results: Results) -> Table:
 
 def _reasons(results: Results) -> Table:
     """By what was expected and what came, without the figures that differ from case to case."""
-    kinds: dict[tuple[str, str], int] = {}
-    for reason in results.column("reason")[results.verdict == "wrong"]:
-        relay, expected, came = [*str(reason).split(": ", 2), "", ""][:3]
-        kind = f"{relay}: {expected}", _FIGURES.sub("", came.partition("; ")[0]).strip()
-        kinds[kind] = kinds.get(kind, 0) + 1
-    rows = [[*kind, count] for kind, count in sorted(kinds.items(), key=lambda item: -item[1])]
+    kinds: Counter[tuple[str, str]] = Counter()
+    for reason, count, _ in _kinds(results, "reason", results.wrong, FIGURES):
+        relay, expected, came = [*reason.split(": ", 2), "", ""][:3]
+        kinds[f"{relay}: {expected}", came.partition("; ")[0].strip()] += count
+    rows = [[*kind, count] for kind, count in kinds.most_common()]
     return Table("Wrong", ["expected", "what came", ">cases"], rows)
 
 
-_FIGURES = re.compile(r"after -?[\d.]+ ms, |\(.*\)| -?[\d.]+ ms$")
+def _failures(results: Results) -> Table:
+    """Of the cases that could not be run."""
+    which = results.verdict("unjudged") & results.reasons(".", "error")
+    found = sorted(_kinds(results, "error", which, NUMBERS), key=lambda kind: -kind[1])[:WORST]
+    rows = [[text, count, _command(results, first)] for text, count, first in found]
+    return Table("Could not be run", ["why", ">cases", "the first of them"], rows)
+
+
+def _kinds(results: Results, name: str, which: Mask, without: str) -> list[tuple[str, int, int]]:
+    """Texts of a column less what differs from case to case, how many rows have each, and the first case."""
+    codes, texts = results.texts(name)
+    rows = np.flatnonzero(which)
+    used, first, often = np.unique(codes[rows], return_index=True, return_counts=True)
+    own = pa.array([texts[code] for code in used], pa.string())
+    cases = results.table["case"].take(rows[first]).to_pylist()
+    counts: Counter[str] = Counter()
+    began: dict[str, int] = {}
+    short = pc.replace_substring_regex(own, without, "…" if without is NUMBERS else "").to_pylist()
+    for text, count, case in zip(short, often.tolist(), cases, strict=True):
+        counts[text] += count
+        began[text] = min(case, began.get(text, case))
+    return [(text, count, began[text]) for text, count in counts.items()]
 
 
 def _worst(results: Results) -> Table:
     times = [results.operate_ms(relay) for relay in results.relays]
     slowest = np.fmax.reduce([np.nan_to_num(own, nan=-np.inf) for own in times])
-    wrong = results.verdict == "wrong"
-    late = np.array([": after " in str(reason) for reason in results.column("reason")])
-    order = np.lexsort((-slowest, late, ~wrong))[: max(WORST, 1)]
+    wrong, late = results.wrong, results.reasons(LATE)
+    order = np.lexsort((-slowest, late, ~wrong))[:WORST]
     which = order[wrong[order] | np.isfinite(slowest[order])]
     keys = results.varied_keys()
     rows = []
@@ -111,33 +164,41 @@ def changes(new: Results, old: Results) -> Report:
     for key in new.keys:
         if not new.table[key].combine_chunks().equals(old.table[key].combine_chunks()):
             raise InputError(f"is of other cases: the values of {key} differ", file=old.path)
-    verdict = new.verdict != old.verdict
-    moved = np.zeros(len(new))
+    verdict = new.words("verdict") != old.words("verdict")
+    moved, other = np.zeros(len(new)), np.zeros(len(new), bool)
     for relay in new.relays:
         now, before = new.operate_ms(relay), old.operate_ms(relay)
         only_one = np.isfinite(now) != np.isfinite(before)
         moved = np.fmax(moved, np.where(only_one, np.inf, np.nan_to_num(np.abs(now - before))))
-    changed = verdict | (moved > 0)
-    worse = int((verdict & (new.verdict == "wrong")).sum())
-    better = int((verdict & (old.verdict == "wrong") & (new.verdict == "right")).sum())
+        for name in ("function", "loop"):
+            other |= new.words(f"{relay}.{name}") != old.words(f"{relay}.{name}")
+    changed = verdict | (moved > 0) | other
+    worse, better = verdict & new.wrong, verdict & old.wrong & new.verdict("right")
     report = Report("changes", f"Against {old.path}")
     report.text.append(
-        f"{int(changed.sum())} of {len(new)} cases changed: {worse} became wrong, {better} right, "
-        f"{int((changed & ~verdict).sum())} in time only"
+        f"{int(changed.sum())} of {len(new)} cases changed: {int(worse.sum())} became wrong, "
+        f"{int(better.sum())} right, {int(((moved > 0) & ~verdict).sum())} in time only, "
+        f"{int((other & ~(moved > 0) & ~verdict).sum())} in what tripped only"
     )
-    order = np.lexsort((-moved, ~verdict))
+    order = np.lexsort((-moved, ~changed, ~verdict, ~worse))
     which = order[: min(int(changed.sum()), CHANGES)]
     rows, keys = [], new.varied_keys()
     for now, before in zip(new.table.take(which).to_pylist(), old.table.take(which).to_pylist(), strict=True):
         values = ", ".join(f"{key} = {_short(now[key])}" for key in keys)
-        times = [f"{_told(before, relay)} > {_told(now, relay)}" for relay in new.relays]
+        times = [_change(before, now, relay) for relay in new.relays]
         verdicts = f"{before['verdict']} > {now['verdict']}"
         rows.append([now["case"], values, verdicts, *times, _command(new, now["case"])])
     columns = ["case", "values", "verdict", *(f"{relay} ms" for relay in new.relays), "again"]
-    report.tables.append(Table("Changed, the most first", columns, rows))
+    report.tables.append(Table("Changed: what became wrong first, then the most", columns, rows))
     return report
 
 
-def _told(row: dict[str, Any], relay: str) -> str:
-    after = _after(row, relay)
-    return after if isinstance(after, str) else f"{after:.1f}"
+def _change(before: dict[str, Any], now: dict[str, Any], relay: str) -> str:
+    """``21.0 > 24.0``; with what tripped where that is not the same."""
+    names = [[row[f"{relay}.{name}"] or "" for name in ("function", "loop")] for row in (before, now)]
+    sides = []
+    for row, own in zip((before, now), names, strict=True):
+        after = _after(row, relay)
+        time = after if isinstance(after, str) else f"{after:.1f}"
+        sides.append(" ".join([time, *own]).strip() if names[0] != names[1] else time)
+    return " > ".join(sides)

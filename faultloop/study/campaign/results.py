@@ -1,31 +1,37 @@
-"""A campaign's file, opened: its columns as arrays, and what they say of each relay."""
+"""A campaign's file, opened: the columns that a report needs, as arrays, and what they say of each relay."""
 
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError
 from faultloop.study.campaign.parts import read_record
 from faultloop.study.campaign.record import plan_of
-from faultloop.study.campaign.table import RELAY_COLUMNS
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+OF_RELAY = ("tripped", "function", "loop", "received_ns")
+"""Columns of each relay that a report reads; the others stay in the file."""
 
 
 class Results:
-    """All rows of a campaign.
+    """All rows of a campaign.  Texts are kept once each, so that a million rows are some hundred megabytes.
 
     Attributes
     ----------
     keys : the varied keys.
     relays : names, in the scenario's order.
     settings : of each relay, in the first case.
+    judged, wrong : which cases are.
     """
 
     def __init__(self, path: Path) -> None:
@@ -33,18 +39,14 @@ class Results:
         self.record = read_record(path)
         with tempfile.TemporaryDirectory(prefix="faultloop-report-") as folder:
             plan = plan_of(self.record, Path(folder), path)
-            case = plan.case(0)
-        self.keys = plan.keys
-        self._draws = [vary.all_keys for vary in plan.tables.vary]
+            case = plan.first
+        self.keys, self.tables = plan.keys, plan.tables
         self.scenario, self.settings = case.scenario, case.settings
         self.relays = [place.name for place in case.scenario.relay]
-        self.table = pq.read_table(path)
-        needed = [f"{relay}.{name}" for relay in self.relays for name in RELAY_COLUMNS]
-        missing = [name for name in (*self.keys, *needed, "verdict") if name not in self.table.column_names]
-        if missing:
-            raise InputError(f"has no column '{missing[0]}'", file=path)
-        self.verdict = self.column("verdict").astype(str)
-        self._at: dict[str, float] = {}
+        needed = ["case", *self.keys, "fault_ns", "verdict", "reason", "error"]
+        needed += [f"{relay}.{name}" for relay in self.relays for name in OF_RELAY]
+        self.table = _read(path, needed)
+        self.judged, self.wrong = ~self.verdict("unjudged"), self.verdict("wrong")
 
     def __len__(self) -> int:
         return len(self.table)
@@ -53,37 +55,71 @@ class Results:
     def name(self) -> str:
         return str(self.record["campaign"]["campaign"]["name"])
 
-    def column(self, name: str) -> NDArray[Any]:
-        """As NumPy has it: objects where there are texts or nulls in whole numbers."""
-        return self.table[name].to_numpy()
-
     def numbers(self, name: str) -> Array:
         """As float64; NaN for null."""
         return self.table[name].cast("float64").to_numpy().astype(np.float64)
 
+    def texts(self, name: str) -> tuple[NDArray[np.int64], list[str]]:
+        """Which text is in each row, -1 for none, and the texts."""
+        own = self.table[name].combine_chunks()
+        if not pa.types.is_dictionary(own.type):
+            own = own.dictionary_encode()
+        codes = own.indices.fill_null(-1).to_numpy().astype(np.int64)
+        return codes, [str(text) for text in own.dictionary.to_pylist()]
+
+    def are(self, name: str, text: str) -> Mask:
+        """The rows with this text."""
+        codes, texts = self.texts(name)
+        return codes == (texts.index(text) if text in texts else -2)
+
+    def words(self, name: str) -> NDArray[np.str_]:
+        """Each row's text, empty for none."""
+        codes, texts = self.texts(name)
+        return np.array([*texts, ""])[codes]
+
+    def verdict(self, name: str) -> Mask:
+        """The rows that are ``right``, ``wrong`` or ``unjudged``."""
+        return self.are("verdict", name)
+
+    def tripped(self, relay: str) -> Mask:
+        """The rows in which this relay did."""
+        return self.table[f"{relay}.tripped"].fill_null(False).to_numpy()
+
+    def reasons(self, pattern: str, name: str = "reason") -> Mask:
+        """The rows with a reason (or an ``error``) in which this regular expression finds something."""
+        codes, texts = self.texts(name)
+        found = pc.match_substring_regex(pa.array(texts, pa.string()), pattern).to_numpy(zero_copy_only=False)
+        return np.append(found.astype(bool), False)[codes]
+
     def first_key(self, *endings: str) -> str | None:
         """The first varied key with numbers that ends like this."""
-        own = (key for key in self.keys if key.endswith(endings) and _is_number(self.table[key].type))
+        own = (key for key in self.keys if key.endswith(endings) and self.is_number(key))
         return next(own, None)
+
+    def is_number(self, name: str) -> bool:
+        """Whether a column has numbers."""
+        type_ = self.table[name].type
+        return pa.types.is_floating(type_) or pa.types.is_integer(type_)
 
     def varied_keys(self) -> list[str]:
         """Those with more than one value, one for each draw."""
-        first = [keys[0] for keys in self._draws]
-        return [key for key in first if len(self.table[key].unique()) > 1]
+        first = [vary.all_keys[0] for vary in self.tables.vary]
+        return [key for key in first if pc.count_distinct(self.table[key], mode="all").as_py() > 1]
 
     def operate_ms(self, relay: str) -> Array:
         """From the fault's start to the breaker's receiving the trip; NaN without."""
         return (self.numbers(f"{relay}.received_ns") - self.numbers("fault_ns")) / 1e6
 
-    def wrong_of(self, relay: str) -> NDArray[np.bool_]:
+    def wrong_of(self, relay: str) -> Mask:
         """The cases that are wrong by what this relay did."""
-        own = [(reason or "").startswith(f"{relay}: ") for reason in self.table["reason"].to_pylist()]
-        return np.array(own, dtype=bool) & (self.verdict == "wrong")
+        codes, texts = self.texts("reason")
+        own = np.array([text.startswith(f"{relay}: ") for text in texts] + [False], dtype=bool)
+        return own[codes] & self.wrong
 
     def limits_ms(self, relay: str) -> list[float]:
         """Within which times the judges want a trip of it."""
-        judges = [judge for judge in self.record["campaign"].get("judge", ()) if judge["relay"] == relay]
-        return sorted({float(judge["within_ms"]) for judge in judges if judge.get("within_ms") is not None})
+        own = (judge.within_ms for judge in self.tables.judge if judge.relay == relay)
+        return sorted({float(limit) for limit in own if limit is not None})
 
     def shot_ohm(self, relay: str) -> NDArray[np.complex128] | None:
         """Where the fault's loop would be without infeed [ohm, primary]; None where its place is not on the
@@ -94,25 +130,37 @@ class Results:
             return None
         fault, settings = faults[0], self.settings[relay]
         line = next(line for line in self.scenario.line if line.name == place.line)
-        x = self._fault_value(fault, "at_pu")
+        x = self._fault_numbers(fault, "at_pu")
         if fault.at_pu is None:
-            x = self._fault_value(fault, "at_km") / line.length_km
+            x = self._fault_numbers(fault, "at_km") / line.length_km
         x = x if place.end == "from" else 1 - x
-        phase, ground = (self._fault_value(fault, key) for key in ("resistance_ohm", "ground_ohm"))
-        types = self._fault_value(fault, "type")
-        single = np.array([len(str(kind)) == 2 and str(kind).endswith("G") for kind in types])
+        phase, ground = (self._fault_numbers(fault, key) for key in ("resistance_ohm", "ground_ohm"))
         k0 = settings.residual_compensation_factor
         # A ground loop divides by Ia + k0 3I0 = (1 + k0) Ia; between two phases half the sum of both remains.
+        single = self._is_single(fault)
         return x * settings.z1_ohm + np.where(single, (phase + ground) / (1 + k0), phase)
 
-    def _fault_value(self, fault: Any, name: str) -> Any:
-        for key in (f"fault.{fault.name}.{name}", f"fault.0.{name}"):
-            if key in self.keys:
-                return self.column(key) if name == "type" else self.numbers(key)
-        return np.full(len(self), getattr(fault, name))
+    def _is_single(self, fault: Any) -> Mask:
+        key = self._fault_key(fault, "type")
+        codes, texts = (np.zeros(len(self), int), [fault.type]) if key is None else self.texts(key)
+        return np.array([len(text) == 2 and text.endswith("G") for text in texts] + [False])[codes]
+
+    def _fault_numbers(self, fault: Any, name: str) -> Array:
+        key = self._fault_key(fault, name)
+        return np.full(len(self), getattr(fault, name), np.float64) if key is None else self.numbers(key)
+
+    def _fault_key(self, fault: Any, name: str) -> str | None:
+        own = (f"fault.{fault.name}.{name}", f"fault.0.{name}")
+        return next((key for key in own if key in self.keys), None)
 
 
-def _is_number(type_: Any) -> bool:
-    import pyarrow.types as kinds
-
-    return kinds.is_floating(type_) or kinds.is_integer(type_)
+def _read(path: Path, columns: Sequence[str]) -> pa.Table:
+    schema = pq.read_schema(path)
+    missing = [name for name in columns if name not in schema.names]
+    if missing:
+        raise InputError(f"has no column '{missing[0]}'", file=path)
+    texts = [name for name in columns if pa.types.is_string(schema.field(name).type)]
+    try:
+        return pq.read_table(path, columns=list(columns), read_dictionary=texts).unify_dictionaries()
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"is damaged ({' '.join(str(error).split())[:80]})", file=path) from None

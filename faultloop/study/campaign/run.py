@@ -26,11 +26,12 @@ import pyarrow.parquet as pq
 from faultloop.errors import InputError
 from faultloop.loop.case import Cases
 from faultloop.loop.recording import MemorySink
-from faultloop.study.campaign.parts import Parts, finished
+from faultloop.study.campaign.parts import PartFiles, Parts, finished, prepare_waves, waves_there
 from faultloop.study.campaign.plan import Plan
 from faultloop.study.campaign.record import fingerprint, record_of
 from faultloop.study.campaign.table import arrow, failed, row_of, schema_of
-from faultloop.study.campaign.waves import MOST_BYTES, Waves, folder_of
+from faultloop.study.campaign.waves import MOST_BYTES, Kept, Waves
+from faultloop.study.campaign.waves import folder_of as waves_folder
 
 KEPT_RELAYS = 100
 """Settings whose relays are kept."""
@@ -80,14 +81,19 @@ def run_campaign(
         raise InputError(f"must be at least 1, not {workers}", key="--workers")
     record = record_of(plan)
     own = fingerprint(record)
+    folder, mark = (
+        (None, own) if waves is None else (waves_folder(out), f"{own} with {waves.kinds} {waves.dtype}")
+    )
     if finished(out, own):
-        if waves is not None and not folder_of(out).is_dir():
-            raise InputError("is there, without waves; give another --out, or delete it", file=out)
+        if folder is not None and (there := waves_there(folder, mark)) < plan.cases:
+            told = f"of {there} of {plan.cases} cases only" if there else "not"
+            raise InputError(f"is there, but waves are {told}; give another --out, or delete it", file=out)
         return _summary(out, 0)
-    schema = schema_of(plan, [place.name for place in plan.case(0).scenario.relay])
+    schema = schema_of(plan, [place.name for place in plan.first.scenario.relay])
     most = None if waves is None else max(MOST_BYTES // max(waves.case_bytes, 1), 1)
-    kept = "" if waves is None else f" with {waves.kinds} {waves.dtype}"
-    with closing(Parts(out, plan.cases, own + kept, most)) as parts:
+    with closing(Parts(out, plan.cases, mark, most, folder)) as parts:
+        if waves is not None and folder is not None:
+            prepare_waves(folder, mark, waves.card(plan, record["versions"], out))
         todo = parts.missing()
         new = sum(parts.size_of(number) for number in todo)
         done = plan.cases - new
@@ -100,9 +106,7 @@ def run_campaign(
             if progress is not None:
                 progress(done, plan.cases)
 
-        if waves is not None:
-            prepare_waves(out, waves.card(plan, record["versions"], out))
-        job = Job(plan, schema, parts.folder, parts.size, waves)
+        job = Job(plan, schema, parts.files, parts.size, waves)
         if scheduler is not None:
             from faultloop.study.campaign.cluster import by_cluster
 
@@ -121,13 +125,15 @@ def run_campaign(
 class Job:
     """What a worker needs to make a part."""
 
-    def __init__(self, plan: Plan, schema: Any, folder: Path, size: int, waves: Waves | None = None) -> None:
-        self.plan, self.schema, self.folder, self.size, self.waves = plan, schema, folder, size, waves
+    def __init__(
+        self, plan: Plan, schema: pa.Schema, files: PartFiles, size: int, waves: Waves | None = None
+    ) -> None:
+        self.plan, self.schema, self.files, self.size, self.waves = plan, schema, files, size, waves
         self._cases = Cases()
         self._kept: set[str] = set()
 
     def __getstate__(self) -> tuple[Any, ...]:
-        return self.plan, self.schema, self.folder, self.size, self.waves
+        return self.plan, self.schema, self.files, self.size, self.waves
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         self.__init__(*state)
@@ -135,20 +141,19 @@ class Job:
     def run(self, number: int, each: Callable[[], None] | None = None) -> None:
         """Make a part and write it."""
         rows, waves = self.made(number, each)
-        self.write(number, rows, waves)
+        self.files.write(number, rows, waves)
 
     def made(self, number: int, each: Callable[[], None] | None = None) -> tuple[pa.Table, pa.Table | None]:
         """A part's rows, and their waves where these are kept."""
-        rows, kept = {}, {}
-        for case, values in self._batch(number):
-            memory = None if self.waves is None else MemorySink()
-            row = rows[case] = self._row(case, values, [] if memory is None else [memory])
-            if self.waves is not None and memory is not None:
-                kept[case] = self.waves.of(memory) if row["error"] is None else None
+        rows: dict[int, dict[str, Any]] = {}
+        kept: dict[int, Kept | None] = {}
+        for number_, values in self._batch(number):
+            rows[number_], kept[number_] = self._case(number_, values)
             if each is not None:
                 each()
-        table = arrow(self.schema, [rows[case] for case in sorted(rows)])
-        waves = None if self.waves is None else self.waves.table(table, [kept[case] for case in sorted(kept)])
+        order = sorted(rows)
+        table = arrow(self.schema, [rows[case] for case in order])
+        waves = None if self.waves is None else self.waves.table(table, [kept[case] for case in order])
         return table, waves
 
     def _batch(self, number: int) -> list[tuple[int, dict[str, Any] | InputError]]:
@@ -163,27 +168,22 @@ class Job:
                 found.append(("", case, error))
         return [(case, values) for _, case, values in sorted(found, key=itemgetter(0, 1))]
 
-    def write(self, number: int, rows: pa.Table, waves: pa.Table | None) -> None:
-        """The waves first: where the rows are, the waves are."""
-        if waves is not None:
-            floats = [name for name in waves.column_names if name not in rows.column_names]
-            folder = folder_of(self.folder.with_suffix(""))
-            Parts.write(folder, number, waves, use_byte_stream_split=floats, use_dictionary=False)
-        Parts.write(self.folder, number, rows)
-
-    def _row(self, number: int, values: dict[str, Any] | InputError, sinks: list[Any]) -> dict[str, Any]:
+    def _case(self, number: int, values: dict[str, Any] | InputError) -> tuple[dict[str, Any], Kept | None]:
+        """A case's row, and what is kept of it where it could be run."""
         if isinstance(values, InputError):
-            return failed(self.schema, number, {}, str(values))
+            return failed(self.schema, number, {}, str(values)), None
         try:
             case = self.plan.made(number, values)
+            sinks = [] if self.waves is None else [MemorySink()]
             outcome = self._cases_for(values).prepare(case.scenario, case.settings).run(sinks)
-            return row_of(self.plan, self.schema, case, outcome)
+            row = row_of(self.plan, self.schema, case, outcome)
+            return row, None if self.waves is None else self.waves.of(case.scenario, sinks[0])
         except InputError as error:
-            return failed(self.schema, number, values, str(error))
+            return failed(self.schema, number, values, str(error)), None
         except MemoryError:
             raise
         except Exception as error:  # a user's element may raise anything
-            return failed(self.schema, number, values, f"{type(error).__name__}: {error}")
+            return failed(self.schema, number, values, f"{type(error).__name__}: {error}"), None
 
     def _cases_for(self, values: dict[str, Any]) -> Cases:
         """New ones when relays of many settings are kept."""
@@ -241,16 +241,6 @@ def _by_processes(job: Job, todo: list[int], workers: int, parts: Parts) -> Iter
         raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-
-
-def prepare_waves(out: Path, card: str) -> None:
-    """Their folder, and the data card beside it (a folder of Parquet files holds nothing else)."""
-    folder = folder_of(out)
-    try:
-        folder.mkdir(exist_ok=True)
-        folder.with_suffix(".waves.md").write_text(card, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", file=folder) from None
 
 
 def _summary(out: Path, new: int) -> Summary:

@@ -1,27 +1,49 @@
 """``--keep samples,phasors,loops``: each case's waves beside its row, as a labelled data set.
 
-``F.waves/part-NNNNNN.parquet`` has the columns of F.parquet and, of each relay, ``RA.samples`` (n x 6),
-``RA.phasors`` (n x 14), ``RA.loops`` (n x 12), flattened row by row.
+``F.waves/part-NNNNNN.parquet`` has the columns of F.parquet, `LABELS` of the first fault and, of each relay,
+``RA.samples`` (n x 6), ``RA.phasors`` (n x 14), ``RA.loops`` (n x 12), flattened row by row.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
-from faultloop.config.campaign import CampaignTables
 from faultloop.errors import InputError, nearest
 from faultloop.io.messages import values
 from faultloop.loop.recording import MemorySink
+from faultloop.loop.scenario import Scenario
 from faultloop.nodes.clock import SampleClock
+from faultloop.study.campaign.draw import described
 from faultloop.study.campaign.plan import Case, Plan
+from faultloop.study.campaign.where import first_fault
 
+TOLD = {
+    "fault_type": "AG .. ABCG",
+    "fault_line": "the line, null for a fault at a bus",
+    "fault_bus": "the bus, null for a fault on a line",
+    "fault_at_pu": "where on the line, of its length from its `from` end",
+    "fault_resistance_ohm": "of each phase",
+    "fault_ground_ohm": "from the fault's star point to ground",
+}
+LABELS: dict[str, pa.DataType] = {
+    name: pa.float64() if name.endswith(("_pu", "_ohm")) else pa.string() for name in TOLD
+}
+"""Of a case's first fault, whether varied or not."""
 WIDTHS = {"samples": 6, "phasors": 14, "loops": 12}
 MOST_BYTES = 64 * 2**20
 """Of the waves of one part, about."""
+
+
+class Kept(NamedTuple):
+    """What is kept of a case, by column."""
+
+    labels: dict[str, Any]
+    waves: dict[str, np.ndarray]
 
 
 class Waves:
@@ -37,7 +59,7 @@ class Waves:
         for kind in kinds:
             if kind not in WIDTHS:
                 raise InputError(f"'{kind}' cannot be kept; {nearest(kind, WIDTHS)}", key="--keep")
-        first = plan.case(0)
+        first = plan.first
         self.kinds = tuple(kind for kind in WIDTHS if kind in kinds)
         self.dtype = np.dtype(np.float64 if float64 else np.float32)
         self.relays = tuple(place.name for place in first.scenario.relay)
@@ -53,7 +75,9 @@ class Waves:
         return numbers * self.dtype.itemsize
 
     def schema(self, rows: pa.Schema) -> pa.Schema:
-        """Of a part: the rows' columns, then the waves."""
+        """Of a part: the rows' columns, the labels, then the waves."""
+        for name, type_ in LABELS.items():
+            rows = rows.append(pa.field(name, type_))
         number = pa.from_numpy_dtype(self.dtype)
         for relay in self.relays:
             for kind in self.kinds:
@@ -61,20 +85,26 @@ class Waves:
                 rows = rows.append(pa.field(f"{relay}.{kind}", pa.list_(number, width)))
         return rows
 
-    def of(self, memory: MemorySink) -> dict[str, np.ndarray]:
-        """A case's, by column, flattened."""
-        return {
+    def of(self, scenario: Scenario, memory: MemorySink) -> Kept:
+        """A case's labels and waves, by column; the waves flattened."""
+        waves = {
             f"{relay}.{kind}": values(memory.array(relay, kind)).astype(self.dtype).ravel()
             for relay in self.relays
             for kind in self.kinds
         }
+        return Kept(labels_of(scenario), waves)
 
-    def table(self, rows: pa.Table, kept: Sequence[Mapping[str, np.ndarray] | None]) -> pa.Table:
+    def table(self, rows: pa.Table, kept: Sequence[Kept | None]) -> pa.Table:
         """A part's; a failed case has none."""
         schema = self.schema(rows.schema)
         columns = [*rows.columns]
         for field in list(schema)[len(columns) :]:
-            columns.append(_column(field.type, [None if case is None else case[field.name] for case in kept]))
+            if field.name in LABELS:
+                own = [None if case is None else case.labels.get(field.name) for case in kept]
+                columns.append(pa.array(own, field.type))
+            else:
+                own = [None if case is None else case.waves[field.name] for case in kept]
+                columns.append(_column(field.type, own))
         return pa.table(columns, schema=schema)
 
     def card(self, plan: Plan, versions: Mapping[str, str], out: Path) -> str:
@@ -87,7 +117,10 @@ class Waves:
             cases=plan.cases,
             sampling=head.sampling,
             seed=head.seed,
-            varied="\n".join(f"- {_told(plan.tables, number)}" for number in range(len(plan.tables.vary))),
+            varied="\n".join(
+                f"- `{'`, `'.join(vary.all_keys)}`: {described(vary)}" for vary in plan.tables.vary
+            ),
+            labels="\n".join(f"- `{name}`: {told}" for name, told in TOLD.items()),
             columns="\n".join(f"- `{name}`: {rows} x {width} {self.dtype}" for name, width in names),
             out=out.name,
             waves=folder_of(out).name,
@@ -105,8 +138,12 @@ Varied:
 
 {varied}
 
-Each row of `{waves}/part-*.parquet` has the columns of `{out}` (what was varied, what each relay did, the
-verdict) and, row by row:
+Each row of `{waves}/part-*.parquet` has the columns of `{out}` (what was varied, `fault_ns`: when the fault
+began, what each relay did, the verdict), then of the first fault, varied or not,
+
+{labels}
+
+(null without a fault), and, row by row:
 
 {columns}
 
@@ -118,6 +155,22 @@ frequency_hz rocof_hz_per_s (RMS), loops ag_r ag_x .. ca_r ca_x (ohm, primary; N
 
 Simulated by faultloop, not measured. The simulator's licence (Apache-2.0) says nothing of what it makes.
 """
+
+
+def labels_of(scenario: Scenario) -> dict[str, Any]:
+    """Of a case, by column."""
+    fault = first_fault(scenario)
+    if fault is None:
+        return {}
+    line = next((line for line in scenario.line if line.name == fault.line), None)
+    return {
+        "fault_type": fault.type,
+        "fault_line": fault.line,
+        "fault_bus": fault.bus,
+        "fault_at_pu": None if line is None else fault.position(line),
+        "fault_resistance_ohm": fault.resistance_ohm,
+        "fault_ground_ohm": fault.ground_ohm,
+    }
 
 
 def folder_of(out: Path) -> Path:
@@ -141,10 +194,3 @@ def _column(type_: pa.DataType, kept: Sequence[np.ndarray | None]) -> pa.Array:
             pa.array(flat), type=type_, mask=pa.array(missing) if missing.any() else None
         )
     return pa.array(kept, type_)
-
-
-def _told(tables: CampaignTables, number: int) -> str:
-    vary = tables.vary[number]
-    said = vary.model_dump(exclude_none=True, exclude={"key", "keys", "factor"}, exclude_defaults=True)
-    what = ", ".join(f"{kind} {list(value)}" for kind, value in said.items())
-    return f"`{'`, `'.join(vary.all_keys)}`: {what}"

@@ -11,15 +11,20 @@ from faultloop.config.campaign import Where
 from faultloop.loop.scenario import Scenario
 
 
+def first_fault(scenario: Scenario) -> Any:
+    """The one that begins first (of those with ``angle_deg``: may begin); None without any."""
+    return min(scenario.fault, key=lambda f: f.after_s if f.start_s is None else f.start_s, default=None)
+
+
 def where_of(scenario: Scenario, relay: Any) -> Where:
     """Where the scenario's first fault is, seen from ``relay`` (one of `scenario.relay`).
 
     inside: on the relay's line, between its ends.  behind: at its own bus, or nearer to it than to the far
     one by the ways that do not pass the line.  beyond: at the far bus, nearer to it, or on a parallel line.
     """
-    if not scenario.fault:
+    fault = first_fault(scenario)
+    if fault is None:
         return "none"
-    fault = min(scenario.fault, key=lambda f: f.after_s if f.start_s is None else f.start_s)
     lines = {line.name: line for line in scenario.line}
     own_line = lines[relay.line]
     own, far = own_line.from_bus, own_line.to_bus

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ import faultloop
 from faultloop.cli import call
 from faultloop.config.toml_text import toml_text
 from faultloop.study.campaign import run as running
-from faultloop.study.campaign.parts import Parts
+from faultloop.study.campaign.parts import PartFiles, Parts
+from faultloop.study.campaign.record import fingerprint, record_of
 from faultloop.study.campaign.run import Job
 
 Tables = dict[str, Any]
@@ -168,6 +170,19 @@ def test_a_failed_case_is_a_row(folder: Path, tables: Tables) -> None:
         assert row["fault_ns"] is None
 
 
+def test_the_first_case_may_be_impossible(folder: Path, tables: Tables) -> None:
+    """It is a row as any other; and no value of it is impossible by itself."""
+    tables["vary"] = [
+        {"key": "fault.F1.after_s", "values": [0.15, 0.05]},
+        {"key": "scenario.duration_s", "values": [0.12, 0.2]},
+    ]
+    tables["judge"] = [{"relay": "RA", "trip": True, "zone": 1}]
+    out = folder / "x.parquet"
+    summary = made(folder, tables).run(out, keep=["samples"])
+    assert (summary.cases, summary.errors) == (4, 1)
+    assert [row["error"] is None for row in pq.read_table(out).to_pylist()] == [False, True, True, True]
+
+
 def test_random_cases_can_be_made_alone(folder: Path, tables: Tables) -> None:
     tables["campaign"] |= {"sampling": "random", "cases": 4, "seed": 9}
     tables["vary"] = [
@@ -209,7 +224,9 @@ def test_command(folder: Path, tables: Tables, capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_stopped_by_a_signal(folder: Path, tables: Tables, number: signal.Signals) -> None:
     tables["vary"].append({"key": "fault.F1.resistance_ohm", "range": [0, 5, 10]})
     path, out, whole = written(folder, tables), folder / "x.parquet", folder / "whole.parquet"
@@ -222,7 +239,7 @@ def test_stopped_by_a_signal(folder: Path, tables: Tables, number: signal.Signal
         time.sleep(0.05)
     os.kill(process.pid, number)
     err = process.communicate(timeout=60)[1]
-    if number == signal.SIGINT:
+    if number != signal.SIGKILL:
         assert process.returncode == 130
         assert "goes on from" in err
     assert not out.exists()
@@ -267,6 +284,90 @@ def test_a_full_disk(folder: Path, tables: Tables, monkeypatch: pytest.MonkeyPat
     assert made(folder, tables).run(out).new == 4
 
 
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """One of 256 kB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(folder)]
+    if sys.platform != "linux" or os.getuid() or subprocess.run(mount, check=False).returncode:
+        pytest.skip("only root can mount")
+    yield folder
+    subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("workers", ["1", pytest.param("2", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("left", [0, 5_000, 30_000, 60_000])
+def test_a_disk_that_is_really_full(
+    folder: Path,
+    tables: Tables,
+    small_disk: Path,
+    left: int,
+    workers: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """One line whenever it is full: at the first byte, at a part, at the whole file; then gone on with."""
+    path, out, whole = written(folder, tables), small_disk / "x.parquet", folder / "whole.parquet"
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(256 * 1024 - left))
+    arguments = ["campaign", str(path), "--out", str(out), "--workers", workers, "--keep", "samples"]
+    assert call(arguments) == 2
+    _, err = capsys.readouterr()
+    assert err.count("\n") == 1
+    assert "No space left on device" in err
+    assert not out.exists()
+    kept = len(list(Path(f"{out}.parts").glob("part-*.parquet")))
+    ballast.unlink()
+    subprocess.run(["mount", "-o", "remount,size=8m", str(small_disk)], check=True)
+    assert call([*arguments, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["new"] == 6 - kept
+    made(folder, tables).run(whole)
+    assert out.read_bytes() == whole.read_bytes()
+    assert not list(small_disk.rglob("*.tmp"))
+
+
+def test_a_folder_that_cannot_be_written(
+    folder: Path, tables: Tables, small_disk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Read-only for root, too: one line, and nothing there."""
+    subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
+    path = written(folder, tables)
+    assert call(["campaign", str(path), "--out", str(small_disk / "x.parquet"), "--workers", "1"]) == 2
+    _, err = capsys.readouterr()
+    assert err.count("\n") == 1
+    assert "Read-only file system" in err
+
+
+def test_what_a_kill_has_left(folder: Path, tables: Tables) -> None:
+    """Half-made files go; parts beside a whole file, too; a damaged part is told."""
+    out = folder / "x.parquet"
+    campaign = made(folder, tables)
+    parts = Parts(out, 6, fingerprint(record_of(campaign.plan)))
+    stray = [parts.folder / "part-000003.parquet.0123abcd.tmp", folder / "x.parquet.0123abcd.tmp"]
+    for path in stray:
+        path.write_bytes(b"half")
+    parts.close()
+    campaign.run(out)
+    assert not any(path.exists() for path in stray)
+    parts = Parts(out, 6, fingerprint(record_of(campaign.plan)))
+    parts.close()
+    assert campaign.run(out).new == 0
+    assert not parts.folder.exists()
+    out.unlink()
+
+    def damage(done: int, cases: int) -> None:
+        if done == 3:
+            part = parts.folder / "part-000001.parquet"
+            data = part.read_bytes()
+            part.write_bytes(b"PAR1" + bytes(400) + data[404:])
+
+    with pytest.raises(faultloop.InputError, match=r"part-000001.*is damaged; delete it"):
+        campaign.run(out, progress=damage)
+    assert not out.exists()
+    (parts.folder / "part-000001.parquet").unlink()
+    assert campaign.run(out).new == 1
+
+
 def test_relays_are_not_kept_for_ever(folder: Path, tables: Tables, monkeypatch: pytest.MonkeyPatch) -> None:
     """With settings of its own each case has relays of its own; those with the same ones are together."""
     tables["vary"] = [
@@ -274,7 +375,7 @@ def test_relays_are_not_kept_for_ever(folder: Path, tables: Tables, monkeypatch:
         {"key": "relay.RA.pdis.1.reach_pu", "values": [0.5, 0.6, 0.7]},
     ]
     plan = made(folder, tables).plan
-    job = pickle.loads(pickle.dumps(Job(plan, None, folder, 6)))
+    job = pickle.loads(pickle.dumps(Job(plan, pa.schema([]), PartFiles(folder, None, ""), 6)))
     monkeypatch.setattr(running, "KEPT_RELAYS", 2)
     batch = job._batch(0)
     assert [case for case, _ in batch] == [0, 3, 1, 4, 2, 5]
@@ -317,6 +418,8 @@ WRONG = [
     ({"judge": [{"relay": "RA", "trip": False, "where": "none"}]}, "can never apply"),
     ({"judge": [{"relay": "RA", "trip": True, "where": "inside", "function": "PDIS9"}]}, "PDIS9"),
     ({"judge": [{"relay": "RA", "trip": False, "loop": "AG"}]}, "cannot stand with trip = false"),
+    ({"judge": [{"relay": "RA", "trip": True, "zone": 9}]}, "no zone 9; known: 1, 2, 3, 4"),
+    ({"judge": [{"relay": "RA", "trip": True, "within_ms": 20, "after_ms": 50}]}, "can never hold"),
     ({"judged": []}, "did you mean 'judge'"),
     ({"vary": [{"key": "relay.RA.estimator.method", "values": ["furier"]}]}, "did you mean 'fourier'"),
     ({"vary": [{"key": "relay.RA.settings", "values": ["settings/no.toml"]}]}, "no.toml: no such file"),

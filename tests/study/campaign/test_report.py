@@ -15,7 +15,14 @@ import pytest
 import faultloop
 from faultloop.cli import call
 from faultloop.study.campaign import run as running
-from faultloop.study.campaign.figures import _middle, panels, shots, times_by_position, wrong_answers
+from faultloop.study.campaign.figures import (
+    _middle,
+    diagrams,
+    shots,
+    telling_keys,
+    times_by_position,
+    wrong_answers,
+)
 from faultloop.study.campaign.parts import KEY
 from faultloop.study.campaign.record import fingerprint, record_of
 from faultloop.study.campaign.report import changes, report_of, worst_of
@@ -56,9 +63,10 @@ def results(folder: Path, tables: Tables) -> Results:
 
 
 def test_times_by_position(results: Results) -> None:
-    panel = times_by_position(results, "RA")
-    assert panel is not None
-    median, slowest, limit = panel.series
+    diagram = times_by_position(results, "RA")
+    assert diagram is not None
+    median, slowest = diagram.curves
+    (limit,) = diagram.limits
     assert np.allclose(median.x, np.arange(0.05, 1.0, 0.1))
     expected = np.where(median.x < 0.8, 10 + 20 * median.x, np.nan)  # there none was tripped
     assert np.allclose(median.y, expected, equal_nan=True)
@@ -73,29 +81,43 @@ def test_shots_are_where_the_impedance_is(results: Results) -> None:
     assert place is not None
     k0 = ((24 + 120j) - (6 + 40j)) / (3 * (6 + 40j))
     x = results.numbers("fault.F1.at_pu")
-    ground = results.column("fault.F1.type") == "AG"
+    ground = results.are("fault.F1.type", "AG")
     assert np.allclose(place[ground], x[ground] * (6 + 40j) + 1 / (1 + k0))
     assert np.allclose(place[~ground], x[~ground] * (6 + 40j) + 1)
     other = results.shot_ohm("RB")
     assert other is not None
     assert np.allclose(other[~ground], (1 - x[~ground]) * (6 + 40j) + 1)
-    panel = shots(results, "RA")
-    assert panel is not None
-    points = {series.name: len(series.x) for series in panel.series if series.mode == "points"}
+    diagram = shots(results, "RA")
+    assert diagram is not None
+    points = {curve.name: np.size(curve.x) for curve in diagram.curves if curve.kind == "points"}
     assert points == {"tripped": 16, "wrong": 4}
-    assert "PDIS1" in {series.name for series in panel.series}  # its loops to ground and between phases alike
+    assert "PDIS1" in {curve.name for curve in diagram.curves}  # its loops to ground and between phases alike
     assert results.wrong_of("RA").sum() == 4
     assert not results.wrong_of("RB").any()
-    assert {len(series.told) for series in panel.series if series.mode == "points"} == {16, 4}
+    cases = {curve.name: curve.told[1] for curve in diagram.curves if curve.told is not None}
+    assert np.array_equal(cases["wrong"], [16, 17, 18, 19])
 
 
 def test_map_of_wrong_answers(results: Results) -> None:
-    panel = wrong_answers(results, None)
-    assert panel is not None and panel.cells is not None
-    assert panel.cells.shape == (2, 10)
-    assert np.array_equal(panel.cells, [[0.0] * 8 + [100.0] * 2] * 2)
-    assert list(panel.y_names) == ["AG", "BC"]
-    assert list(panel.written) == [["0 of 1"] * 8 + ["1 of 1"] * 2] * 2
+    diagram = wrong_answers(results, None)
+    assert diagram is not None and diagram.surface is not None
+    assert (diagram.x_label, diagram.y_label) == ("fault.F1.at_pu", "fault.F1.type")
+    assert np.array_equal(diagram.surface.z, [[0.0] * 8 + [100.0] * 2] * 2)
+    assert list(diagram.surface.y) == ["AG", "BC"]
+    assert diagram.surface.texts() == [["0 of 1"] * 8 + ["1 of 1"] * 2] * 2
+    turned = wrong_answers(results, ("fault.F1.type", "fault.F1.at_pu"))
+    assert turned is not None and turned.surface is not None
+    assert np.array_equal(turned.surface.z, diagram.surface.z.T)
+
+
+def test_the_keys_that_tell_the_most(folder: Path, tables: Tables) -> None:
+    """Position decides here, and comes first although it is varied last."""
+    tables["vary"] = [
+        {"key": "fault.F1.resistance_ohm", "values": [0.0, 1.0, 2.0]},
+        tables["vary"][1],
+        {"key": "fault.F1.at_pu", "range": [0.05, 0.95, 10]},
+    ]
+    assert telling_keys(Results(by_hand(folder, tables, "x.parquet")))[0] == "fault.F1.at_pu"
 
 
 def test_tables(results: Results) -> None:
@@ -136,11 +158,13 @@ def test_late_wrong_and_none(results: Results) -> None:
 def test_what_changed(folder: Path, tables: Tables, results: Results) -> None:
     new = Results(by_hand(folder, tables, "y.parquet", delay_ms=3.0))
     report = changes(new, results)
-    assert report.text == ["6 of 20 cases changed: 0 became wrong, 0 right, 6 in time only"]
+    assert report.text == [
+        "6 of 20 cases changed: 0 became wrong, 0 right, 6 in time only, 0 in what tripped only"
+    ]
     assert {row[0] for row in report.tables[0].rows} == {10, 11, 12, 13, 14, 15}
     assert report.tables[0].rows[0][3] in ("21.0 > 24.0", "23.0 > 26.0", "25.0 > 28.0")
     assert changes(results, results).text == [
-        "0 of 20 cases changed: 0 became wrong, 0 right, 0 in time only"
+        "0 of 20 cases changed: 0 became wrong, 0 right, 0 in time only, 0 in what tripped only"
     ]
     tables["vary"][0]["range"] = [0.05, 0.9, 10]
     with pytest.raises(faultloop.InputError, match=r"values of fault\.F1\.at_pu differ"):
@@ -152,11 +176,11 @@ def test_page_picture_and_json(results: Results, folder: Path, capsys: pytest.Ca
     path = str(results.path)
     assert call(["campaign-report", path, path, "--html", str(page), "--png", str(picture), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert [report["name"] for report in told["reports"]] == ["campaign", "changes", "worst"]
+    assert [report["name"] for report in told["reports"]] == ["campaign", "changes", "worst", "setup"]
     assert told["written"] == [str(page), str(picture)]
     text = page.read_text(encoding="utf-8")
-    for panel in panels(results):
-        assert panel.title in text
+    for diagram in diagrams(results):
+        assert diagram.title in text
     assert not re.search(r"<(script|link|img)[^>]*(src|href)=.http", text)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert call(["campaign-report", path]) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import faultloop
 from faultloop.cli import call
 from faultloop.config.toml_text import toml_text
 from faultloop.io.messages import values
+from faultloop.study.campaign.waves import LABELS, labels_of
 
 Tables = dict[str, Any]
 
@@ -27,8 +29,11 @@ def test_waves_are_those_of_run(folder: Path, tables: Tables) -> None:
     campaign, out = made(folder, tables), folder / "x.parquet"
     campaign.run(out, keep=["loops", "samples"], float64=True)
     table = pq.read_table(folder / "x.waves")
-    assert table.column_names[: len(table.column_names) - 4] == pq.read_schema(out).names
-    assert table.column_names[-4:] == ["RA.samples", "RA.loops", "RB.samples", "RB.loops"]
+    own = ["RA.samples", "RA.loops", "RB.samples", "RB.loops"]
+    assert table.column_names == [*pq.read_schema(out).names, *LABELS, *own]
+    assert table["fault_at_pu"].to_pylist() == [0.2, 0.6, 0.97]
+    assert set(table["fault_type"].to_pylist()) == {"AG"}
+    assert set(table["fault_resistance_ohm"].to_pylist()) == {1.0}  # not varied, and yet a label
     assert table["case"].to_pylist() == [0, 1, 2]
     kept = {
         name: table[name].combine_chunks().flatten().to_numpy().reshape(len(table), -1, width)
@@ -80,6 +85,42 @@ def test_stopped_and_gone_on_with(folder: Path, tables: Tables) -> None:
         bare = folder / "bare.parquet"
         campaign.run(bare)
         campaign.run(bare, keep=["samples"])
+
+
+def test_waves_of_another_campaign(folder: Path, tables: Tables) -> None:
+    """They do not get among those of this one; what a kill has left half-made is away."""
+    out, waves = folder / "x.parquet", folder / "x.waves"
+    made(folder, tables).run(out, keep=["samples"])
+    out.unlink()
+    tables["vary"][0]["values"] = [0.3, 0.4]
+    with pytest.raises(faultloop.InputError, match="holds waves of another campaign"):
+        made(folder, tables).run(out, keep=["samples"])
+    shutil.rmtree(waves)
+    waves.mkdir()
+    (waves / "part-000001.parquet.89abcdef.tmp").write_bytes(b"half")
+    made(folder, tables).run(out, keep=["samples"])
+    assert len(pq.read_table(waves)) == 4
+    (waves / "part-000002.parquet").unlink()
+    with pytest.raises(faultloop.InputError, match="waves are of 3 of 4 cases only"):
+        made(folder, tables).run(out, keep=["samples"])
+    out.unlink()
+    made(folder, tables).run(out, keep=["samples"])
+    assert len(pq.read_table(waves)) == 4
+
+
+def test_labels_of_the_first_fault(folder: Path, tables: Tables) -> None:
+    """By time, on a line or at a bus; none without one."""
+    case = made(folder, tables).case(0)
+    fault = case.scenario.fault[0]
+    later = fault.model_copy(update={"start_s": 0.15, "after_s": None, "type": "BC"})
+    first = {"line": None, "at_pu": None, "bus": "B", "type": "ABCG", "start_s": 0.01, "ground_ohm": 2.0}
+    at_the_bus = fault.model_copy(update=first)
+    scenario = case.scenario.model_copy(update={"fault": (later, at_the_bus)})
+    assert labels_of(scenario) == {
+        "fault_type": "ABCG", "fault_line": None, "fault_bus": "B", "fault_at_pu": None,
+        "fault_resistance_ohm": 1.0, "fault_ground_ohm": 2.0,
+    }  # fmt: skip
+    assert labels_of(case.scenario.model_copy(update={"fault": ()})) == {}
 
 
 def test_what_cannot_be_kept(folder: Path, tables: Tables, capsys: pytest.CaptureFixture[str]) -> None:
