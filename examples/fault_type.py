@@ -56,7 +56,8 @@ def main(file: str) -> dict[str, float]:
     model = MLPClassifier((32,), learning_rate_init=0.01, random_state=1)
     for _ in range(EPOCHS):
         for kinds, _, seen, held_out in batches(folder):
-            model.partial_fit(seen[~held_out], kinds[~held_out], classes=TYPES)
+            if not held_out.all():
+                model.partial_fit(seen[~held_out], kinds[~held_out], classes=TYPES)
     asked, types, own, relay = 0, 0, 0, 0
     for kinds, loops, seen, held_out in batches(folder):
         which = np.flatnonzero(held_out)

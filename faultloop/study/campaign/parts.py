@@ -40,7 +40,7 @@ class PartFiles(NamedTuple):
         """A part, whole or not at all.  The waves first: where the rows are, the waves are."""
         if self.waves is not None and waves is not None:
             marked = waves.replace_schema_metadata({KEY: self.mark})
-            floats = [name for name in waves.column_names if name not in rows.column_names]
+            floats = [field.name for field in waves.schema if hasattr(field.type, "value_type")]  # lists
             self._write(self.waves, number, marked, use_byte_stream_split=floats, use_dictionary=False)
         self._write(self.folder, number, rows)
 

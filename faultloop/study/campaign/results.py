@@ -103,8 +103,11 @@ class Results:
 
     def varied_keys(self) -> list[str]:
         """Those with more than one value, one for each draw."""
-        first = [vary.all_keys[0] for vary in self.tables.vary]
-        return [key for key in first if pc.count_distinct(self.table[key], mode="all").as_py() > 1]
+        return [vary.all_keys[0] for vary in self.tables.vary if self._varies(vary.all_keys[0])]
+
+    def _varies(self, key: str) -> bool:
+        values = self.numbers(key) if self.is_number(key) else self.texts(key)[0]
+        return bool(len(values)) and bool(np.any(values != values[0]))
 
     def operate_ms(self, relay: str) -> Array:
         """From the fault's start to the breaker's receiving the trip; NaN without."""

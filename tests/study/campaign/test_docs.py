@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import re
 from pathlib import Path
@@ -35,7 +36,7 @@ def test_every_snippet(folder: Path, tables: Tables, monkeypatch: pytest.MonkeyP
     assert (said["summary"].right, said["summary"].wrong) == (4, 2)
     rows = pq.read_table("f.parquet").to_pylist()
     for code in (pandas, polars, duckdb, waves):
-        assert len(code.strip().splitlines()) == 3
+        assert len(ast.parse(code).body) == 3
         exec(code, said := {})
         if code is pandas:
             times = [(row["RA.received_ns"] - row["fault_ns"]) / 1e6 for row in rows if row["RA.tripped"]]
@@ -55,6 +56,7 @@ def test_every_snippet(folder: Path, tables: Tables, monkeypatch: pytest.MonkeyP
     assert said["types"] == [row["fault.F1.type"] for row in rows]
 
 
+@pytest.mark.slow
 def test_the_classifier(folder: Path) -> None:
     """The shipped example on a small data set: it learns, and tells what the relay's selection is worth."""
     data = faultloop.config.tables.read_toml(ROOT / "campaigns" / "fault-type.toml")[0]

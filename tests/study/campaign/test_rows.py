@@ -27,7 +27,7 @@ def assert_equal(numbers: range, rows: int, folder: Path, estimators: tuple[str,
 
 
 def test_random_rows(tmp_path: Path) -> None:
-    assert_equal(range(6), 2, tmp_path, ("kalman-bank", "fourier"))
+    assert_equal(range(2), 1, tmp_path, ("kalman-bank", "fourier"))
 
 
 @pytest.mark.slow

@@ -81,7 +81,7 @@ def test_stopped_and_gone_on_with(folder: Path, tables: Tables) -> None:
     campaign.run(out, keep=["samples"])
     campaign.run(whole, keep=["samples"])
     assert pq.read_table(folder / "x.waves").equals(pq.read_table(folder / "whole.waves"))
-    with pytest.raises(faultloop.InputError, match="without waves"):
+    with pytest.raises(faultloop.InputError, match="is there, but waves are not"):
         bare = folder / "bare.parquet"
         campaign.run(bare)
         campaign.run(bare, keep=["samples"])
