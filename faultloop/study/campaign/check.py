@@ -26,33 +26,46 @@ def check_plan(plan: Plan) -> None:
     """Raises InputError for a value that makes every case impossible, and for a judge that never applies or
     can never hold.
     """
+    estimators = Estimators()
     try:
         try:
             base = plan.first
         except InputError:
-            _check_ends(plan, plan.values(0))  # which explains more than one case does
+            _check_ends(plan, plan.values(0), estimators)  # which explains more than one case does
             raise
-        _check_ends(plan, base.values)
-        check_estimators(base)
+        _check_ends(plan, base.values, estimators)
+        estimators.check(base)
         _check_judges(plan, base)
     except InputError as error:
         raise error.within(plan.file) from None
 
 
-def check_estimators(case: Case) -> None:
-    """That they can be made; not of code of the user's own, which is not run before the first case."""
-    for settings in case.settings.values():
-        if not any(named_code(settings)):
+class Estimators:
+    """Makes each that a campaign has once, to see whether it can be made: nothing else here takes so long.
+
+    Not those of the user's own: their code is not run before the first case.
+    """
+
+    def __init__(self) -> None:
+        self._made: set[str] = set()
+
+    def check(self, case: Case) -> None:
+        """Raises InputError."""
+        for settings in case.settings.values():
             own, estimator = settings.relay, settings.estimator
-            make_estimator(estimator.method, own.sampling_hz, own.frequency_hz, **estimator.parameters)
+            told = repr((own.sampling_hz, own.frequency_hz, estimator))
+            if told not in self._made and not any(named_code(settings)):
+                make_estimator(estimator.method, own.sampling_hz, own.frequency_hz, **estimator.parameters)
+                self._made.add(told)
 
 
-def _check_ends(plan: Plan, base: Mapping[str, Any]) -> None:
+def _check_ends(plan: Plan, base: Mapping[str, Any], estimators: Estimators) -> None:
     for place in range(len(plan.tables.vary)):
         for value in plan.draws.ends(place):
             own = plan.draws.keyed(place, value)
-            error = _objection(plan, dict(base) | own)
-            if error is None or any(_objection(plan, other | own) is None for other in _some(plan)):
+            error = _objection(plan, dict(base) | own, estimators)
+            others = (_objection(plan, other | own, estimators) for other in _some(plan))
+            if error is None or None in others:
                 continue
             plan.made(0, {})  # where a file is wrong by itself, that is told
             told = ", ".join(f"{key} = {own[key]!r}" for key in own)
@@ -60,10 +73,10 @@ def _check_ends(plan: Plan, base: Mapping[str, Any]) -> None:
             raise InputError(f"{told} is impossible: {error.what}", file=plan.file, key=where) from None
 
 
-def _objection(plan: Plan, values: Mapping[str, Any]) -> InputError | None:
+def _objection(plan: Plan, values: Mapping[str, Any], estimators: Estimators) -> InputError | None:
     try:
         if all(condition.holds(values) for condition in plan.conditions):
-            check_estimators(plan.made(0, values))
+            estimators.check(plan.made(0, values))
     except InputError as error:
         return error
     return None

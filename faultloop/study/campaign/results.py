@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -88,8 +88,8 @@ class Results:
     def reasons(self, pattern: str, name: str = "reason") -> Mask:
         """The rows with a reason (or an ``error``) in which this regular expression finds something."""
         codes, texts = self.texts(name)
-        found = pc.match_substring_regex(pa.array(texts, pa.string()), pattern).to_numpy(zero_copy_only=False)
-        return np.append(found.astype(bool), False)[codes]
+        found = re.compile(pattern)
+        return np.array([found.search(text) is not None for text in texts] + [False])[codes]
 
     def first_key(self, *endings: str) -> str | None:
         """The first varied key with numbers that ends like this."""
@@ -141,7 +141,8 @@ class Results:
         k0 = settings.residual_compensation_factor
         # A ground loop divides by Ia + k0 3I0 = (1 + k0) Ia; between two phases half the sum of both remains.
         single = self._is_single(fault)
-        return x * settings.z1_ohm + np.where(single, (phase + ground) / (1 + k0), phase)
+        shot = x * settings.z1_ohm + np.where(single, (phase + ground) / (1 + k0), phase)
+        return shot.astype(np.complex128)
 
     def _is_single(self, fault: Any) -> Mask:
         key = self._fault_key(fault, "type")
