@@ -96,8 +96,9 @@ def _check_judges(plan: Plan, base: Case) -> None:
         if judge.relay not in base.settings:
             what = f"there is no relay '{judge.relay}'; {nearest(judge.relay, base.settings)}"
             raise InputError(what, key=f"{where}.relay")
-        if None not in (judge.after_ms, judge.within_ms) and judge.after_ms > judge.within_ms:
-            what = f"can never hold: a trip within {judge.within_ms:g} ms is before {judge.after_ms:g} ms"
+        after, within = judge.after_ms, judge.within_ms
+        if after is not None and within is not None and after > within:
+            what = f"can never hold: a trip within {within:g} ms is before {after:g} ms"
             raise InputError(what, key=f"{where}.after_ms")
         _check_names(judge, _settings_of(plan, base, judge.relay), where)
     wanted, looked_at = _never_met(plan)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections import Counter
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
 
 from faultloop.config.campaign import Judge
 from faultloop.errors import InputError
@@ -116,12 +115,12 @@ def _kinds(results: Results, name: str, which: Mask, without: str) -> list[tuple
     codes, texts = results.texts(name)
     rows = np.flatnonzero(which)
     used, first, often = np.unique(codes[rows], return_index=True, return_counts=True)
-    own = pa.array([texts[code] for code in used], pa.string())
-    cases = results.table["case"].take(rows[first]).to_pylist()
+    cases = results.numbers("case")[rows[first]].astype(np.int64).tolist()
     counts: Counter[str] = Counter()
     began: dict[str, int] = {}
-    short = pc.replace_substring_regex(own, without, "…" if without is NUMBERS else "").to_pylist()
-    for text, count, case in zip(short, often.tolist(), cases, strict=True):
+    differs, instead = re.compile(without), "…" if without is NUMBERS else ""
+    for code, count, case in zip(used.tolist(), often.tolist(), cases, strict=True):
+        text = differs.sub(instead, texts[code])
         counts[text] += count
         began[text] = min(case, began.get(text, case))
     return [(text, count, began[text]) for text, count in counts.items()]

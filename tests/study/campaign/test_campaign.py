@@ -92,8 +92,7 @@ def test_the_file_carries_everything(folder: Path, tables: Tables) -> None:
     log = folder / "case.mcap"
     assert call(["campaign-case", str(out), str(case), "--log", str(log)]) == 0
     attached = faultloop.open_log(log).attachments
-    texts = [value if isinstance(value, str) else value.decode() for value in attached.values()]
-    assert sum("reach_pu = 0.5\n" in text for text in texts) >= 1
+    assert any("reach_pu = 0.5" in str(text) for text in attached.values())
 
 
 def test_workers_and_stops_change_nothing(folder: Path, tables: Tables) -> None:

@@ -67,10 +67,11 @@ def test_times_by_position(results: Results) -> None:
     assert diagram is not None
     median, slowest = diagram.curves
     (limit,) = diagram.limits
-    assert np.allclose(median.x, np.arange(0.05, 1.0, 0.1))
-    expected = np.where(median.x < 0.8, 10 + 20 * median.x, np.nan)  # there none was tripped
-    assert np.allclose(median.y, expected, equal_nan=True)
-    assert np.allclose(slowest.y, expected, equal_nan=True)
+    x = np.arange(0.05, 1.0, 0.1)
+    assert np.allclose(np.asarray(median.x), x)
+    expected = np.where(x < 0.8, 10 + 20 * x, np.nan)  # there none was tripped
+    assert np.allclose(np.asarray(median.y), expected, equal_nan=True)
+    assert np.allclose(np.asarray(slowest.y), expected, equal_nan=True)
     assert limit.name == "within 60 ms"
     assert times_by_position(results, "RB") is None
 
