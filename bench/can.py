@@ -142,7 +142,7 @@ def _received(bus: Any) -> Any:
 
 def raw_socket(channel: str) -> None:
     """The same by the processes' own socket."""
-    from faultloop.live.link import open_link
+    from faultloop.io.can.socketcan import open_link
 
     sender, receiver = open_link(channel, fd=True), open_link(channel, fd=True)
     for name, message in (("trip", TRIP), ("sampled values", SAMPLE)):

@@ -73,7 +73,7 @@ MODULES: dict[str, dict[str, str]] = {
     },
     "live": {
         "faultloop.live.supervisor": "Supervisor run_processes",
-        "faultloop.live.link": "open_link",
+        "faultloop.io.can.socketcan": "open_link",
         "faultloop.live.merge": "merge",
     },
 }

@@ -14,7 +14,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from faultloop.live.link import Link
+    from faultloop.io.can.link import Link
     from faultloop.nodes.monitor import BusMonitor
 
 LAP_S = 0.25
@@ -64,7 +64,7 @@ def command(
 def _link(can: str) -> Link:
     """The bus with CAN FD, or without where it has none."""
     from faultloop.errors import InputError
-    from faultloop.live.link import open_link
+    from faultloop.io.can.socketcan import open_link
 
     if can.startswith("virtual:"):
         raise InputError(

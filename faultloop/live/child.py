@@ -18,7 +18,7 @@ from faultloop.live.nodes import NodeOptions, run_supervised
 END_WITHIN_S = 10.0
 """How long a process that is told to end may take to close its log."""
 
-_PRELOADED = ["breaker", "link", "plant", "relay"]
+_PRELOADED = ["breaker", "plant", "relay"]
 
 
 def _context() -> BaseContext:
@@ -28,7 +28,7 @@ def _context() -> BaseContext:
         return get_context("spawn")
     context = get_context("forkserver")
     modules = [f"faultloop.live.{name}" for name in _PRELOADED]
-    context.set_forkserver_preload([*modules, "faultloop.io.mcap_writer"])
+    context.set_forkserver_preload([*modules, "faultloop.io.can.socketcan", "faultloop.io.mcap_writer"])
     return context
 
 

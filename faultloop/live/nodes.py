@@ -11,9 +11,9 @@ from typing import Literal
 
 from faultloop.config.bus_fault import BusFault
 from faultloop.errors import InputError, nearest
+from faultloop.io.can.socketcan import open_link
 from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.io.can.transport import check_bit_rates
-from faultloop.live.link import open_link
 from faultloop.live.process import Node, Supervision, run_node
 from faultloop.loop.inputs import changes_of, divided
 from faultloop.loop.recording import check_log_path, versions

@@ -20,9 +20,9 @@ from typing import Any, Protocol
 
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, decode
+from faultloop.io.can.link import Link
 from faultloop.io.can.table import PLANT_NODE, TICK_NS
 from faultloop.live.clock import RunClock
-from faultloop.live.link import Link
 from faultloop.live.transmit_queue import TransmitQueue
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario

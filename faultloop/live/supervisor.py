@@ -13,13 +13,14 @@ from pathlib import Path
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, Rejection, State
+from faultloop.io.can.link import Link
+from faultloop.io.can.socketcan import open_link
 from faultloop.io.can.table import BY_IDENTIFIER, PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.output_file import new_folder, reserved
 from faultloop.live.child import Child, ended_how
 from faultloop.live.clock import RunClock
-from faultloop.live.link import Link, open_link
 from faultloop.live.merge import merge
 from faultloop.live.nodes import ATTACKERS, NodeOptions, Role, bus_of, check_pace
 from faultloop.loop.bus_faults import Edges, end_ns

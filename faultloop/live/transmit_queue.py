@@ -7,7 +7,7 @@ from heapq import heappop, heappush
 
 from faultloop.io.can.faults import SenderFaults
 from faultloop.io.can.frames import Frame
-from faultloop.live.link import Link
+from faultloop.io.can.link import Link
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes.clock import FOREVER
 

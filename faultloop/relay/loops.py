@@ -9,8 +9,10 @@ Protection, 2011, section 3.1).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faultloop.jit import njit
 
@@ -43,12 +45,16 @@ MEASURE_STATE = np.dtype(
     align=True,
 )
 
+Record = Any
+"""A structured array, or one element of it in a kernel."""
+Array = NDArray[np.float64]
+
 A = complex(-0.5, math.sqrt(0.75))
 A2 = A.conjugate()
 
 
 @njit(inline="always")
-def impedance(v, i, minimum2, out, place):
+def impedance(v: complex, i: complex, minimum2: float, out: Array, place: int) -> None:
     """V / I as (r, x); NaN where |I|^2 is below ``minimum2``."""
     size = i.real * i.real + i.imag * i.imag
     if size < minimum2 or size == 0.0:
@@ -60,7 +66,7 @@ def impedance(v, i, minimum2, out, place):
 
 
 @njit
-def frequency(c, s, v1):
+def frequency(c: Record, s: Record, v1: complex) -> None:
     """Frequency and its rate of change from the turn of the positive-sequence voltage over one cycle.
 
     The negative-frequency image that a one-cycle window leaves off nominal frequency cancels in a balanced
@@ -90,7 +96,7 @@ def frequency(c, s, v1):
 
 
 @njit
-def measure(constants, state, phasors, loops):
+def measure(constants: Record, state: Record, phasors: Array, loops: Array) -> None:
     """Fill a block of loop rows (n, 12) from phasor rows (n, 14), and the frequency columns where NaN.
 
     The frequency columns of all but the rows that the estimator filled are written too, so that the log and

@@ -11,10 +11,17 @@ from __future__ import annotations
 
 import cmath
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faultloop.jit import njit
+
+Record = Any
+"""One element of a structured array, in a kernel."""
+Phasors = NDArray[np.complex128]
+"""(6,)"""
 
 A = complex(-0.5, math.sqrt(0.75))
 A2 = A.conjugate()
@@ -48,25 +55,25 @@ MEMORY = np.dtype(
 
 
 @njit(inline="always")
-def size2(z):
+def size2(z: complex) -> float:
     """|z|^2"""
     return z.real * z.real + z.imag * z.imag
 
 
 @njit(inline="always")
-def positive_sequence(x):
+def positive_sequence(x: Phasors) -> complex:
     """V1 of six phasors, phase A."""
     return (x[0] + A * x[1] + A2 * x[2]) / 3
 
 
 @njit
-def weight(c, d):
+def weight(c: Record, d: Phasors) -> float:
     """|dV|^2 + |Z1|^2 |dI|^2 of a change of six phasors: voltage and current on one scale [V^2]."""
     return size2(d[0]) + size2(d[1]) + size2(d[2]) + size2(c.z1) * (size2(d[3]) + size2(d[4]) + size2(d[5]))
 
 
 @njit
-def current_differs(c, x, reference):
+def current_differs(c: Record, x: Phasors, reference: Phasors) -> bool:
     """Whether a phase current differs from the reference by more than the [phs] pickups."""
     i1 = (reference[3] + A * reference[4] + A2 * reference[5]) / 3
     limit = max(c.pickup_current**2, c.pickup_current_pu**2 * size2(i1))
@@ -75,7 +82,7 @@ def current_differs(c, x, reference):
 
 
 @njit
-def differs(c, x, reference):
+def differs(c: Record, x: Phasors, reference: Phasors) -> bool:
     """Whether a phase current or voltage differs from the reference by more than the [phs] pickups."""
     limit = max(c.pickup_voltage_pu**2 * size2(positive_sequence(reference)), 1e-2 * c.minimum_voltage**2)
     va, vb, vc = x[0] - reference[0], x[1] - reference[1], x[2] - reference[2]
@@ -85,7 +92,7 @@ def differs(c, x, reference):
 
 
 @njit
-def fill(c, m, x):
+def fill(c: Record, m: Record, x: Phasors) -> None:
     """Restart the memory: as if the system had been as it is now for two cycles."""
     back = m.rotor.conjugate() ** c.snapshot
     turn = complex(1.0, 0.0)
@@ -102,26 +109,26 @@ def fill(c, m, x):
 
 
 @njit
-def is_frequency(c, f):
+def is_frequency(c: Record, f: float) -> bool:
     """Whether ``f`` can be the system's; False for NaN."""
     return abs(f - c.frequency) < 0.1 * c.frequency
 
 
 @njit
-def at_frequency(c, m, z):
+def at_frequency(c: Record, m: Record, z: complex) -> complex:
     """An impedance that is given at the nominal frequency, at the reference's."""
     return complex(z.real, z.imag * (m.frequency / c.frequency))
 
 
 @njit
-def turn_with(c, m, frequency):
+def turn_with(c: Record, m: Record, frequency: float) -> None:
     """Let the reference turn with this frequency [Hz]."""
     m.frequency = frequency
     m.rotor = cmath.rect(1.0, 2 * math.pi * (frequency - c.frequency) / c.sampling)
 
 
 @njit
-def snapshot(c, m, x, frequency):
+def snapshot(c: Record, m: Record, x: Phasors, frequency: float) -> None:
     """Take a snapshot; in quiet, move the reference on to a later one."""
     m.tick = 0
     latest = m.head
@@ -151,7 +158,7 @@ def snapshot(c, m, x, frequency):
 
 
 @njit
-def establish(c, m, x, frequency, sound):
+def establish(c: Record, m: Record, x: Phasors, frequency: float, sound: bool) -> None:
     """Before the memory is ready: wait for a voltage of known frequency that is still for half a cycle, in a
     system that is ``sound``: a fault must not be learned as what is normal."""
     v1 = positive_sequence(x)
@@ -167,7 +174,7 @@ def establish(c, m, x, frequency, sound):
 
 
 @njit
-def remember(c, m, x, frequency, sound):
+def remember(c: Record, m: Record, x: Phasors, frequency: float, sound: bool) -> bool:
     """One sample of the memory.  Returns True while it can be relied on."""
     m.seen += 1
     if m.seen <= c.settling:
@@ -192,7 +199,7 @@ def remember(c, m, x, frequency, sound):
 
 
 @njit
-def freeze(m):
+def freeze(m: Record) -> None:
     """A disturbance: keep the reference from before it."""
     m.frozen = 1
     m.fed = 0
@@ -203,7 +210,7 @@ def freeze(m):
 
 
 @njit
-def thaw(c, m, x, frequency, selected, inside):
+def thaw(c: Record, m: Record, x: Phasors, frequency: float, selected: int, inside: bool) -> None:
     """End a disturbance that no element needs any more.
 
     Either it went away, for half a cycle, or the new state is not ``inside`` any zone and has stood still:

@@ -18,9 +18,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Protocol, Self
 
 from faultloop.errors import InputError, nearest
-from faultloop.io.can.bus import SECOND_NS, BusLoad, Delivery, SimulatedBus
+from faultloop.io.can.bus import BusLoad, Delivery, SimulatedBus
 from faultloop.io.can.confinement import StateChange
 from faultloop.io.can.frames import Frame
+from faultloop.io.can.link import transport_named, transport_names
+from faultloop.io.can.message import from_message, to_message
 
 if TYPE_CHECKING:
     from can import BusABC, Message
@@ -56,6 +58,7 @@ def open_bus(
     Parameters
     ----------
     interface : a python-can interface; ``virtual`` is in-process, and keeps the time stamps that it is given.
+        Or the name of a transport that an installed package brings (`faultloop.io.can.link`).
     channel : its channel, as in ``vcan0``.
     bitrate : nominal bit rate [bit/s]; SocketCAN takes it from ``ip link``, not from here.
     fd : also CAN FD frames.
@@ -64,12 +67,15 @@ def open_bus(
     ------
     InputError : no such interface or channel, or it is down, or it does not carry CAN FD.
     """
+    if (brought := transport_named(interface)) is not None:
+        from faultloop.io.can.linked_bus import LinkedBus
+
+        return LinkedBus(channel, brought(channel, None), fd)
     import can
 
     if interface not in can.VALID_INTERFACES:
-        raise InputError(
-            f"no CAN interface '{interface}': {nearest(interface, sorted(can.VALID_INTERFACES))}"
-        )
+        known = sorted({*can.VALID_INTERFACES, *transport_names()})
+        raise InputError(f"no CAN interface '{interface}': {nearest(interface, known)}")
     if interface == "virtual":
         protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
         return can.Bus(
@@ -222,33 +228,6 @@ def send(bus: BusABC, message: Message) -> None:
                 time.sleep(0.0005)
                 continue
             raise InputError(f"cannot send: {_reason(error, code)}", key=bus.channel_info) from error
-
-
-def to_message(frame: Frame, t_ns: int, *, is_rx: bool = False, channel: str | None = None) -> Message:
-    """A frame as a python-can message with the time stamp `t_ns`."""
-    import can
-
-    return can.Message(
-        timestamp=t_ns / SECOND_NS,
-        arbitration_id=frame.id,
-        is_extended_id=frame.extended,
-        is_fd=frame.fd,
-        bitrate_switch=frame.brs,
-        data=frame.data,
-        is_rx=is_rx,
-        channel=channel,
-    )
-
-
-def from_message(message: Message) -> Frame:
-    """A python-can data frame as a frame."""
-    return Frame(
-        message.arbitration_id,
-        bytes(message.data),
-        message.is_extended_id,
-        message.is_fd,
-        message.is_fd and message.bitrate_switch,
-    )
 
 
 def _received(bus: BusABC) -> Message | None:

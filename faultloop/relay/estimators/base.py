@@ -61,7 +61,7 @@ class Estimator:
 
 
 @njit(signature_or_function=types.void(STEP_FUNCTION, _VECTOR, _MATRIX, _MATRIX))
-def run_block(step, state, samples, phasors):
+def run_block(step: Callable[..., None], state: Array, samples: Array, phasors: Array) -> None:
     """Compiled loop over a block; one machine code for all estimators."""
     for n in range(samples.shape[0]):
         step(state, samples[n], phasors[n])

@@ -6,12 +6,12 @@ The covariance is that of a noise of variance one; each channel's own is its noi
 from __future__ import annotations
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS
+from faultloop.relay.estimators.base import CHANNELS, Array
 from faultloop.relay.estimators.disturbance import compare, follow_variance, is_sample, noise_variance
 
 
 @njit
-def innovate(state, x, row, states, innovation, projected):
+def innovate(state: Array, x: Array, row: Array, states: Array, innovation: Array, projected: Array) -> None:
     """e of the six channels, compared with what is expected of it.
 
     ``states`` (n, 6), ``innovation`` (6,) is overwritten, ``projected`` is h P h'.
@@ -27,7 +27,9 @@ def innovate(state, x, row, states, innovation, projected):
 
 
 @njit
-def correct_channels(state, x, gain, states, innovation, projected):
+def correct_channels(
+    state: Array, x: Array, gain: Array, states: Array, innovation: Array, projected: Array
+) -> None:
     """Correct each channel that has a sample, and follow its noise."""
     for c in range(CHANNELS):
         if is_sample(x[c]):

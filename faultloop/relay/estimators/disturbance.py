@@ -109,12 +109,12 @@ def header(
 
 
 @njit(inline="always")
-def is_sample(x):
+def is_sample(x: float) -> bool:
     return abs(x) < LARGEST  # false for NaN too
 
 
 @njit
-def follow_level(state, x):
+def follow_level(state: Array, x: Array) -> None:
     """Squared peak of the voltages and of the currents: up at once, down in about a cycle."""
     for group in range(2):
         level = state[LEVEL + group] * state[LEVEL_DECAY]
@@ -125,25 +125,25 @@ def follow_level(state, x):
 
 
 @njit(inline="always")
-def waves(state, c):
+def waves(state: Array, c: int) -> float:
     """What a disturbance adds to a voltage's variance for a while; currents carry little of it."""
     return state[WAVES] * state[LEVEL] if c < 3 else 0.0
 
 
 @njit(inline="always")
-def base_variance(state, c):
+def base_variance(state: Array, c: int) -> float:
     """R of channel c without waves: what was learned, not below the floor."""
     return max(state[VARIANCE + c], state[FLOOR] * state[LEVEL + c // 3] + SMALLEST)
 
 
 @njit(inline="always")
-def noise_variance(state, c):
+def noise_variance(state: Array, c: int) -> float:
     """R of channel c, and what a disturbance adds for a while."""
     return base_variance(state, c) + waves(state, c)
 
 
 @njit(inline="always")
-def follow_variance(state, c, innovation, predicted_variance):
+def follow_variance(state: Array, c: int, innovation: float, predicted_variance: float) -> None:
     """Eq. 10, averaged.  ``predicted_variance`` is H P H'."""
     level = state[LEVEL + c // 3]
     variance = max(state[VARIANCE + c], state[FLOOR] * level + SMALLEST)
@@ -154,7 +154,7 @@ def follow_variance(state, c, innovation, predicted_variance):
 
 
 @njit(inline="always")
-def compare(state, c, innovation, predicted_variance):
+def compare(state: Array, c: int, innovation: float, predicted_variance: float) -> None:
     """Note e^2 / S of a channel if it is this sample's largest so far."""
     square = innovation * innovation
     ratio = square / (predicted_variance + noise_variance(state, c))
@@ -165,7 +165,7 @@ def compare(state, c, innovation, predicted_variance):
 
 
 @njit
-def is_disturbed(state):
+def is_disturbed(state: Array) -> bool:
     """True at a disturbance, from this sample's largest e^2 / S."""
     state[AGE] += 1.0
     state[WAVES] *= state[WAVES_DECAY]

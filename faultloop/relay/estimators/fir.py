@@ -31,7 +31,7 @@ COEFFICIENTS = 5
 
 
 @njit
-def fir_step(state, x, out):
+def fir_step(state: Array, x: Array, out: Array) -> None:
     taps = int(state[TAPS])
     head = int(state[HEAD]) - 1
     if head < 0:

@@ -84,18 +84,18 @@ ROCOF_CYCLES = 2.0
 
 
 @njit
-def work_length(n):
+def work_length(n: int) -> int:
     """Q, root, work, points; row, disturbance, widest, gain; images, mean, total, innovation, cross, gain."""
     return 3 * n * n + (2 * n + 1) * n + 4 * n + (2 * n + 1) + 3 + 2 * n
 
 
 @njit(inline="always")
-def square(state, start, n):
+def square(state: Array, start: int, n: int) -> Array:
     return state[start : start + n * n].reshape((n, n))
 
 
 @njit
-def filter_of(state, c):
+def filter_of(state: Array, c: int) -> HarmonicFilter:
     """The filter of channel c."""
     n = int(state[STATES])
     points = WORK + 3 * n * n
@@ -118,7 +118,7 @@ def filter_of(state, c):
 
 
 @njit
-def seen_of(state):
+def seen_of(state: Array) -> Seen:
     """What a transform of the measurement overwrites."""
     n = int(state[STATES])
     start = WORK + 3 * n * n + (2 * n + 1) * n + 4 * n
@@ -134,7 +134,7 @@ def seen_of(state):
 
 
 @njit
-def prepare(state, f, c):
+def prepare(state: Array, f: HarmonicFilter, c: int) -> bool:
     """Q, D and the widest variances of channel c.  False while its group has been nothing but zero."""
     level = state[LEVEL + c // 3]
     n = len(f.x)
@@ -151,7 +151,7 @@ def prepare(state, f, c):
 
 
 @njit
-def renew(state, f, c):
+def renew(state: Array, f: HarmonicFilter, c: int) -> None:
     """Forget how sure the quadratures were, and keep them as the prior mean; the frequency stays."""
     n = len(f.x)
     frequency = f.P[n - 1, n - 1] if f.P[n - 1, n - 1] > 0.0 else state[FREQUENCY_INITIAL]
@@ -162,7 +162,7 @@ def renew(state, f, c):
 
 
 @njit
-def bound(state, f, c):
+def bound(state: Array, f: HarmonicFilter, c: int) -> None:
     """Keep the amplitudes and the frequency where they can be, and the frequency's variance within the
     initial one."""
     n = len(f.x)
@@ -184,7 +184,7 @@ def bound(state, f, c):
 
 
 @njit
-def begin(state, x):
+def begin(state: Array, x: Array) -> None:
     """Levels; a channel whose group has come alive gets its initial covariance."""
     follow_level(state, x)
     for c in range(CHANNELS):
@@ -194,7 +194,7 @@ def begin(state, x):
 
 
 @njit
-def is_due(state, f, c, z):
+def is_due(state: Array, f: HarmonicFilter, c: int, z: float) -> bool:
     """True if channel c is awake and has a sample; where it is missing, the filter is predicted here."""
     if not prepare(state, f, c):
         return False
@@ -206,7 +206,7 @@ def is_due(state, f, c, z):
 
 
 @njit
-def follow(state, f, c):
+def follow(state: Array, f: HarmonicFilter, c: int) -> None:
     """The noise of channel c after a strong tracking step, and the bounds.
 
     A sample that the filter faded for counts as if P were zero: P is then as wide as was asked for, and says
@@ -218,7 +218,7 @@ def follow(state, f, c):
 
 
 @njit
-def report(state, out):
+def report(state: Array, out: Array) -> None:
     """The phasor row, from x = [A sin p, A cos p, ..., w] of each channel."""
     cos, sin = reference(state[N], state[SAMPLING_HZ], state[FREQUENCY_HZ])
     weight, total = SMALLEST, SMALLEST * state[FREQUENCY_HZ]

@@ -40,7 +40,7 @@ CORRECTED = 0.1
 
 
 @njit(inline="always")
-def positive_sequence(row):
+def positive_sequence(row: Array) -> complex:
     """Of the voltages in a phasor row."""
     re = row[0] + A_RE * (row[2] + row[4]) - A_IM * (row[3] - row[5])
     im = row[1] + A_RE * (row[3] + row[5]) + A_IM * (row[2] - row[4])
@@ -48,21 +48,21 @@ def positive_sequence(row):
 
 
 @njit(inline="always")
-def turn(after, before):
+def turn(after: complex, before: complex) -> float:
     """Angle from one phasor to the next [rad]."""
     z = after * before.conjugate()
     return math.atan2(z.imag, z.real)
 
 
 @njit(inline="always")
-def is_measurable(row, v1):
+def is_measurable(row: Array, v1: complex) -> bool:
     """False for NaN too."""
     phase = max(math.hypot(row[0], row[1]), math.hypot(row[2], row[3]), math.hypot(row[4], row[5]))
     return abs(v1) > LEAST_SEQUENCE * phase
 
 
 @njit
-def centred_step(state, x, out):
+def centred_step(state: Array, x: Array, out: Array) -> None:
     extra = state[len(state) - EXTRA :]
     fir_step(state, x, out)
     centre = extra[CENTRE : CENTRE + 12]

@@ -88,7 +88,7 @@ def harmonic_filter(harmonics: int, settings: Array) -> HarmonicFilter:
 
 
 @njit
-def advance(x, step_s):
+def advance(x: Array, step_s: float) -> None:
     """x <- f(x), eq. 42.  The turns by 3 w dt, 5 w dt ... are products of that by w dt and by 2 w dt."""
     angle = x[-1] * step_s
     c, s = math.cos(angle), math.sin(angle)
@@ -101,7 +101,7 @@ def advance(x, step_s):
 
 
 @njit
-def jacobian(x, step_s, F):
+def jacobian(x: Array, step_s: float, F: Array) -> None:
     """F = df/dx at x, the blocks of eq. 42 and the column of w."""
     n = len(x)
     F[:, :] = 0.0
@@ -122,7 +122,7 @@ def jacobian(x, step_s, F):
 
 
 @njit
-def predict_extended(f):
+def predict_extended(f: HarmonicFilter) -> None:
     """Predict x and P to first order."""
     jacobian(f.x, f.settings[STEP_S], f.root)
     advance(f.x, f.settings[STEP_S])
@@ -130,7 +130,7 @@ def predict_extended(f):
 
 
 @njit
-def predict_unscented(f):
+def predict_unscented(f: HarmonicFilter) -> None:
     """Predict x and P by one sigma-point transform, eq. 22 to 25."""
     draw(f.x, f.P, f.settings[SPREAD], f.points, f.root)
     for i in range(f.points.shape[0]):
@@ -143,21 +143,21 @@ def predict_unscented(f):
 
 
 @njit
-def correct_linear(f, z, R):
+def correct_linear(f: HarmonicFilter, z: float, R: float) -> None:
     """Correct by the sample z of variance R, eq. 27 to 31: h is linear and needs no sigma points."""
     f.memory[INNOVATION] = innovation_of(f.x, f.row, z)
     correct(f.x, f.P, f.row, f.memory[INNOVATION], R, f.gain)
 
 
 @njit
-def step_extended(f, z, R):
+def step_extended(f: HarmonicFilter, z: float, R: float) -> None:
     """Extended Kalman filter."""
     predict_extended(f)
     correct_linear(f, z, R)
 
 
 @njit
-def step_unscented(f, z, R):
+def step_unscented(f: HarmonicFilter, z: float, R: float) -> None:
     """Unscented Kalman filter.  The second transform, of the linear h, would change nothing."""
     predict_unscented(f)
     correct_linear(f, z, R)

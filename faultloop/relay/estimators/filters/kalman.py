@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 
 from faultloop.jit import njit
+from faultloop.relay.estimators.base import Array
 
 # A pivot below this part of its diagonal is rounding: the matrix is singular there.
 SINGULAR = 1e-15
 
 
 @njit
-def predict_state(x, F, work):
+def predict_state(x: Array, F: Array, work: Array) -> None:
     """x <- F x.  ``work`` (n,) is overwritten."""
     n = len(x)
     for i in range(n):
@@ -28,7 +29,7 @@ def predict_state(x, F, work):
 
 
 @njit
-def predict_covariance(P, F, Q, work):
+def predict_covariance(P: Array, F: Array, Q: Array, work: Array) -> None:
     """P <- F P F' + Q.  ``work`` (n, n) is overwritten; Q is (n, n)."""
     n = P.shape[0]
     for i in range(n):
@@ -52,7 +53,7 @@ def predict_covariance(P, F, Q, work):
 
 
 @njit
-def predicted_variance(P, row):
+def predicted_variance(P: Array, row: Array) -> float:
     """h P h' of a scalar measurement z = h x."""
     total = 0.0
     for i in range(len(row)):
@@ -63,7 +64,7 @@ def predicted_variance(P, row):
 
 
 @njit
-def innovation_of(x, row, z):
+def innovation_of(x: Array, row: Array, z: float) -> float:
     """z - h x."""
     for i in range(len(row)):
         z -= row[i] * x[i]
@@ -71,7 +72,7 @@ def innovation_of(x, row, z):
 
 
 @njit
-def correct(x, P, row, innovation, R, gain):
+def correct(x: Array, P: Array, row: Array, innovation: float, R: float, gain: Array) -> None:
     """Correct by a scalar measurement z = h x + v of variance R.
 
     ``gain`` (n,) is overwritten with K.  P <- P - K S K', which for this K is (I - K h) P.  Several
@@ -97,7 +98,7 @@ def correct(x, P, row, innovation, R, gain):
 
 
 @njit
-def cholesky(A, L):
+def cholesky(A: Array, L: Array) -> bool:
     """Lower triangle L with L L' = A; the upper one of L is cleared.
 
     A may be singular (a state that is known exactly): a pivot that is nothing but rounding, below 1e-15 of
@@ -126,7 +127,7 @@ def cholesky(A, L):
 
 
 @njit
-def correct_jointly(x, P, innovation, cross, total, gain):
+def correct_jointly(x: Array, P: Array, innovation: Array, cross: Array, total: Array, gain: Array) -> None:
     """Correct by a vector measurement, from the joint covariance of state and measurement.
 
     Parameters

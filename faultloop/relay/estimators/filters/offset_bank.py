@@ -69,6 +69,13 @@ FREQUENCY_GAIN = 0.5  # per cycle
 FREQUENCY_RANGE = 0.1  # of the nominal
 
 
+Models = tuple[float, ...]
+"""As many as there are decay constants: the length alone counts."""
+Triple = tuple[float, float, float]
+"""Of the three phases."""
+Flags = tuple[bool, bool, bool]
+
+
 def state_size(models: int, taps: int) -> int:
     """Numbers in the state of a bank of so many models that see the mean of so many samples."""
     return LISTS + LIST_COUNT * models + CHANNELS * taps
@@ -81,59 +88,59 @@ def model_covariances(state: Array, models: int) -> Array:
 
 
 @njit(inline="always")
-def place(models, which):
+def place(models: Models, which: int) -> int:
     """Where list ``which`` begins in the state."""
     return LISTS + which * len(models)
 
 
 @njit(inline="always")
-def lane(state, models, which, m):
+def lane(state: Array, models: Models, which: int, m: int) -> Triple:
     """Entry ``m`` of three lists that follow each other, one a phase."""
     at = LISTS + which * len(models) + m
     return state[at], state[at + len(models)], state[at + 2 * len(models)]
 
 
 @njit(inline="always")
-def put_lane(state, models, which, m, values):
+def put_lane(state: Array, models: Models, which: int, m: int, values: Triple) -> None:
     at = LISTS + which * len(models) + m
     state[at], state[at + len(models)], state[at + 2 * len(models)] = values
 
 
 @njit(inline="always")
-def current(state, models, part, m):
+def current(state: Array, models: Models, part: int, m: int) -> Triple:
     """Of model ``m`` the three currents' re (part 0), im (1) or offset (2)."""
     at = LISTS + (STATE + part) * len(models) + m
     return state[at], state[at + 3 * len(models)], state[at + 6 * len(models)]
 
 
 @njit(inline="always")
-def put_current(state, models, part, m, values):
+def put_current(state: Array, models: Models, part: int, m: int, values: Triple) -> None:
     at = LISTS + (STATE + part) * len(models) + m
     state[at], state[at + 3 * len(models)], state[at + 6 * len(models)] = values
 
 
 @njit(inline="always")
-def plus(a, b):
+def plus(a: Triple, b: Triple) -> Triple:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @njit(inline="always")
-def times(a, b):
+def times(a: Triple, b: Triple) -> Triple:
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @njit(inline="always")
-def scaled(a, k):
+def scaled(a: Triple, k: float) -> Triple:
     return a[0] * k, a[1] * k, a[2] * k
 
 
 @njit(inline="always")
-def chosen(which, a, b):
+def chosen(which: Flags, a: Triple, b: Triple) -> Triple:
     return a[0] if which[0] else b[0], a[1] if which[1] else b[1], a[2] if which[2] else b[2]
 
 
 @njit
-def smooth(state, models, x):
+def smooth(state: Array, models: Models, x: Array) -> Array:
     """The mean of the last samples; not a number while one of them is missing."""
     taps, ring = int(state[TAPS]), place(models, LIST_COUNT)
     newest = ring + CHANNELS * (int(state[N]) % taps)
@@ -152,7 +159,7 @@ def smooth(state, models, x):
 
 
 @njit
-def predict_voltages(state, x, cos, sin):
+def predict_voltages(state: Array, x: Array, cos: float, sin: float) -> None:
     p = state[VOLTAGE_P : VOLTAGE_P + 3]
     p[0] += state[PROCESS]
     p[2] += state[PROCESS]
@@ -164,7 +171,7 @@ def predict_voltages(state, x, cos, sin):
 
 
 @njit
-def predict_models(state, models, cos, sin):
+def predict_models(state: Array, models: Models, cos: float, sin: float) -> None:
     """P of every model, its P H' and its S."""
     row, decay, total = place(models, ROW), place(models, DECAY), place(models, TOTAL)
     at00, at01, at02 = place(models, P00), place(models, P01), place(models, P02)
@@ -186,7 +193,9 @@ def predict_models(state, models, cos, sin):
 
 
 @njit
-def innovations(state, models, m, x, sampled, cos, sin):
+def innovations(
+    state: Array, models: Models, m: int, x: Array, sampled: Flags, cos: float, sin: float
+) -> Triple:
     """What model ``m`` did not foresee of the three currents; 0 of one that is missing."""
     row = state[place(models, ROW) + m]
     re, im = current(state, models, 0, m), current(state, models, 1, m)
@@ -196,7 +205,7 @@ def innovations(state, models, m, x, sampled, cos, sin):
 
 
 @njit
-def predict_currents(state, models, x, sampled, cos, sin):
+def predict_currents(state: Array, models: Models, x: Array, sampled: Flags, cos: float, sin: float) -> None:
     """Innovation of the mixture and its variance: of the models' mean, and between the models."""
     total = place(models, TOTAL)
     mean = square = within = (0.0, 0.0, 0.0)
@@ -213,7 +222,7 @@ def predict_currents(state, models, x, sampled, cos, sin):
 
 
 @njit
-def renew(state, models, cos, sin):
+def renew(state: Array, models: Models, cos: float, sin: float) -> None:
     """Forget how sure the states were and which model was right; keep the mean as every model's prior."""
     alpha = state[ALPHA]
     p = state[VOLTAGE_P : VOLTAGE_P + 3]
@@ -238,7 +247,7 @@ def renew(state, models, cos, sin):
 
 
 @njit
-def correct_voltages(state, x, cos, sin):
+def correct_voltages(state: Array, x: Array, cos: float, sin: float) -> None:
     p = state[VOLTAGE_P : VOLTAGE_P + 3]
     a = cos * p[0] - sin * p[1]
     b = cos * p[1] - sin * p[2]
@@ -256,7 +265,7 @@ def correct_voltages(state, x, cos, sin):
 
 
 @njit
-def correct_models(state, models, x, sampled, cos, sin):
+def correct_models(state: Array, models: Models, x: Array, sampled: Flags, cos: float, sin: float) -> None:
     """Every model's three states and evidence."""
     total, half_log = place(models, TOTAL), place(models, HALF_LOG)
     fade = state[FADE]
@@ -281,7 +290,7 @@ def correct_models(state, models, x, sampled, cos, sin):
 
 
 @njit(inline="always")
-def likelihood(evidence):
+def likelihood(evidence: float) -> float:
     """e^x for -60 <= x <= 0: the 1024th power of its series at x / 1024; to 1e-12 above -8, 1e-7 at -60.
 
     The compiler vectorises this and not `math.exp`: 20 ns for twelve, not 114.
@@ -301,7 +310,7 @@ def likelihood(evidence):
 
 
 @njit
-def weigh(state, models):
+def weigh(state: Array, models: Models) -> None:
     """Weights from the evidence."""
     best = lane(state, models, EVIDENCE, 0)
     for m in range(len(models)):
@@ -323,7 +332,7 @@ def weigh(state, models):
 
 
 @njit
-def mix(state, models, sampled):
+def mix(state: Array, models: Models, sampled: Flags) -> None:
     """The mean of the models, of each current that has a sample."""
     row = place(models, ROW)
     re = im = offset = (0.0, 0.0, 0.0)
@@ -338,7 +347,7 @@ def mix(state, models, sampled):
 
 
 @njit
-def correct_currents(state, models, x, sampled, cos, sin):
+def correct_currents(state: Array, models: Models, x: Array, sampled: Flags, cos: float, sin: float) -> None:
     total, half_log = place(models, TOTAL), place(models, HALF_LOG)
     for m in range(len(models)):
         state[half_log + m] = 0.5 * math.log(state[total + m])
@@ -363,7 +372,7 @@ def correct_currents(state, models, x, sampled, cos, sin):
 
 
 @njit
-def follow_frequency(state):
+def follow_frequency(state: Array) -> None:
     """Once a cycle after the last disturbance: the voltages' turn against the model."""
     cycle = state[CYCLE]
     if state[AGE] < cycle or state[AGE] % cycle != 0.0:
@@ -389,7 +398,7 @@ def follow_frequency(state):
 
 
 @njit
-def write(state, out, cos, sin):
+def write(state: Array, out: Array, cos: float, sin: float) -> None:
     """The phasors, turned from the model's frequency to the reference."""
     for c in range(3):
         a, b = PEAK_TO_RMS * state[VOLTAGE + 2 * c], PEAK_TO_RMS * state[VOLTAGE + 2 * c + 1]
@@ -403,7 +412,7 @@ def write(state, out, cos, sin):
 
 
 @njit
-def learn(state, models, y, sampled, cos, sin):
+def learn(state: Array, models: Models, y: Array, sampled: Flags, cos: float, sin: float) -> None:
     """Compare the mean of the window with the prediction, and correct what may be corrected."""
     if state[AGE] < state[TAPS] - 1.0:  # the window holds samples from before the disturbance
         state[AGE] += 1.0
@@ -424,7 +433,7 @@ def learn(state, models, y, sampled, cos, sin):
 
 
 @njit
-def step(state, models, x, out):
+def step(state: Array, models: Models, x: Array, out: Array) -> None:
     """One sample of six channels into a row of phasors."""
     y = smooth(state, models, x)
     follow_level(state, y)
@@ -453,7 +462,7 @@ def bank_step(count: int) -> Callable[[Array, Array, Array], None]:
     models = (0.0,) * count
 
     @njit
-    def kalman_bank_step(state, x, out):
+    def kalman_bank_step(state: Array, x: Array, out: Array) -> None:
         step(state, models, x, out)
 
     return kalman_bank_step

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 from faultloop.jit import njit
+from faultloop.relay.estimators.base import Array
 
 
 @njit
-def project(root, row, f):
+def project(root: Array, row: Array, f: Array) -> float:
     """f = S' h; returns h P h'."""
     total = 0.0
     for j in range(len(row)):
@@ -21,7 +22,7 @@ def project(root, row, f):
 
 
 @njit
-def correct_root(root, f, gain, forgetting):
+def correct_root(root: Array, f: Array, gain: Array, forgetting: float) -> None:
     """Potter's update of S, eq. 2, and the gain, eq. 4."""
     n = len(f)
     total = forgetting

@@ -52,6 +52,7 @@ from faultloop.relay.estimators.filters.harmonic_model import (
     SOFTENING,
     SPREAD,
     Array,
+    HarmonicFilter,
     correct_linear,
     predict_extended,
     predict_unscented,
@@ -78,7 +79,7 @@ def seen(states: int) -> Seen:
 
 
 @njit
-def follow_residual(f, z):
+def follow_residual(f: HarmonicFilter, z: float) -> float:
     """V of eq. 12, with the sample z; to be called on the predicted x."""
     e = innovation_of(f.x, f.row, z)
     rho = f.settings[FORGETTING]
@@ -89,7 +90,7 @@ def follow_residual(f, z):
 
 
 @njit
-def fading_factor(f, wanted, predicted):
+def fading_factor(f: HarmonicFilter, wanted: float, predicted: float) -> float:
     """lambda = tr N / tr M where above one (eq. 9, 38, 39)."""
     fades = wanted > predicted > 0.0
     f.memory[FADING] = wanted / predicted if fades else 1.0
@@ -98,7 +99,7 @@ def fading_factor(f, wanted, predicted):
 
 
 @njit
-def fade(f, factor, Q):
+def fade(f: HarmonicFilter, factor: float, Q: Array) -> None:
     """P <- L (P - Q) L + Q with L^2 = diag(factor, ..., factor, that of the frequency), none of them beyond
     what makes the variance ``widest``; Q is None where it fades with P (eq. 26)."""
     if factor > 1.0:
@@ -116,7 +117,7 @@ def fade(f, factor, Q):
 
 
 @njit
-def step_strong(f, z, R):
+def step_strong(f: HarmonicFilter, z: float, R: float) -> None:
     """STF: eq. 4 to 12."""
     predict_extended(f)
     noise = predicted_variance(f.Q, f.row)
@@ -126,7 +127,7 @@ def step_strong(f, z, R):
 
 
 @njit
-def step_modified(f, z, R):
+def step_modified(f: HarmonicFilter, z: float, R: float) -> None:
     """MSTUKF: eq. 20 to 39."""
     predict_unscented(f)
     wanted = follow_residual(f, z) - f.settings[SOFTENING] * R
@@ -135,7 +136,7 @@ def step_modified(f, z, R):
 
 
 @njit
-def step_disturbed(f, z, R):
+def step_disturbed(f: HarmonicFilter, z: float, R: float) -> None:
     """MSTUKF that widens P by what a disturbance is expected to change."""
     predict_unscented(f)
     wanted = follow_residual(f, z) - f.settings[SOFTENING] * R
@@ -151,7 +152,7 @@ def step_disturbed(f, z, R):
 
 
 @njit
-def observe(f, s, R):
+def observe(f: HarmonicFilter, s: Seen, R: float) -> None:
     """Sigma points of x and P and what h makes of them: mean, variance with R, covariance with x."""
     spread, excess = f.settings[SPREAD], f.settings[EXCESS]
     draw(f.x, f.P, spread, f.points, f.root)
@@ -163,7 +164,7 @@ def observe(f, s, R):
 
 
 @njit
-def noise_share(f, s):
+def noise_share(f: HarmonicFilter, s: Seen) -> float:
     """P_xz' P^-1 Q P^-1 P_xz, which is h Q h' for a linear h; ``f.root`` is the factor of P."""
     n = len(f.x)
     y = f.gain
@@ -180,7 +181,7 @@ def noise_share(f, s):
 
 
 @njit
-def step_strong_unscented(f, s, z, R):
+def step_strong_unscented(f: HarmonicFilter, s: Seen, z: float, R: float) -> None:
     """STUKF, as its authors write it: a transform to predict, one for lambda, one to correct.
 
     With P_zz as before the fading, R in it, N = V - P_xz' P^-1 Q P^-1 P_xz - beta R and M = P_zz - V + N +

@@ -9,8 +9,15 @@ from __future__ import annotations
 import math
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.filters.harmonic_model import FADING, step_extended, step_unscented
+from faultloop.relay.estimators.base import Array
+from faultloop.relay.estimators.filters.harmonic_model import (
+    FADING,
+    HarmonicFilter,
+    step_extended,
+    step_unscented,
+)
 from faultloop.relay.estimators.filters.strong_tracking import (
+    Seen,
     step_disturbed,
     step_modified,
     step_strong,
@@ -19,7 +26,7 @@ from faultloop.relay.estimators.filters.strong_tracking import (
 
 
 @njit
-def note(f, out):
+def note(f: HarmonicFilter, out: Array) -> None:
     """[A1, A3, ..., phase p1 of the fundamental's sine, w, lambda]: m + 3 numbers."""
     m = (len(f.x) - 1) // 2
     for i in range(m):
@@ -30,7 +37,7 @@ def note(f, out):
 
 
 @njit
-def track_extended(f, z, R, out):
+def track_extended(f: HarmonicFilter, z: Array, R: float, out: Array) -> None:
     """EKF over z (k,), into out (k, m + 3)."""
     for k in range(len(z)):
         step_extended(f, z[k], R)
@@ -38,7 +45,7 @@ def track_extended(f, z, R, out):
 
 
 @njit
-def track_unscented(f, z, R, out):
+def track_unscented(f: HarmonicFilter, z: Array, R: float, out: Array) -> None:
     """UKF."""
     for k in range(len(z)):
         step_unscented(f, z[k], R)
@@ -46,7 +53,7 @@ def track_unscented(f, z, R, out):
 
 
 @njit
-def track_strong(f, z, R, out):
+def track_strong(f: HarmonicFilter, z: Array, R: float, out: Array) -> None:
     """STF."""
     for k in range(len(z)):
         step_strong(f, z[k], R)
@@ -54,7 +61,7 @@ def track_strong(f, z, R, out):
 
 
 @njit
-def track_modified(f, z, R, out):
+def track_modified(f: HarmonicFilter, z: Array, R: float, out: Array) -> None:
     """MSTUKF."""
     for k in range(len(z)):
         step_modified(f, z[k], R)
@@ -62,7 +69,7 @@ def track_modified(f, z, R, out):
 
 
 @njit
-def track_disturbed(f, z, R, out):
+def track_disturbed(f: HarmonicFilter, z: Array, R: float, out: Array) -> None:
     """MSTUKF with an expected disturbance."""
     for k in range(len(z)):
         step_disturbed(f, z[k], R)
@@ -70,7 +77,7 @@ def track_disturbed(f, z, R, out):
 
 
 @njit
-def track_strong_unscented(f, s, z, R, out):
+def track_strong_unscented(f: HarmonicFilter, s: Seen, z: Array, R: float, out: Array) -> None:
     """STUKF; ``s`` as `seen` makes it."""
     for k in range(len(z)):
         step_strong_unscented(f, s, z[k], R)

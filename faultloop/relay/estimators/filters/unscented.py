@@ -19,6 +19,7 @@ which is never negative for beta >= alpha^2.
 from __future__ import annotations
 
 from faultloop.jit import njit
+from faultloop.relay.estimators.base import Array
 from faultloop.relay.estimators.filters.kalman import cholesky
 from faultloop.relay.estimators.parameters import number
 
@@ -38,7 +39,7 @@ def sigma_spread(n: int, alpha: float, beta: float, kappa: float) -> tuple[float
 
 
 @njit
-def draw(x, P, spread, points, root):
+def draw(x: Array, P: Array, spread: float, points: Array, root: Array) -> None:
     """Points x and x +- the columns of the root of s P: (2 n + 1, n), the centre first, then +, then -.
 
     ``root`` (n, n) is overwritten with the Cholesky factor of P.
@@ -55,7 +56,7 @@ def draw(x, P, spread, points, root):
 
 
 @njit
-def mean_of(points, spread, mean):
+def mean_of(points: Array, spread: float, mean: Array) -> None:
     """Weighted mean of the points, into ``mean``."""
     count, n = points.shape
     weight = 0.5 / spread
@@ -69,7 +70,7 @@ def mean_of(points, spread, mean):
 
 
 @njit
-def covariance_of(points, spread, excess, mean, covariance):
+def covariance_of(points: Array, spread: float, excess: float, mean: Array, covariance: Array) -> None:
     """Weighted covariance of the points about their ``mean``."""
     count, n = points.shape
     weight = 0.5 / spread
@@ -90,7 +91,9 @@ def covariance_of(points, spread, excess, mean, covariance):
 
 
 @njit
-def cross_covariance_of(points, images, spread, excess, means, cross):
+def cross_covariance_of(
+    points: Array, images: Array, spread: float, excess: float, means: Array, cross: Array
+) -> None:
     """Weighted covariance (n, m) of points (2 n + 1, n) and their images (2 n + 1, m).
 
     ``means`` is the pair of their means.
@@ -109,7 +112,7 @@ def cross_covariance_of(points, images, spread, excess, means, cross):
 
 
 @njit
-def moments(points, spread, excess, mean, covariance):
+def moments(points: Array, spread: float, excess: float, mean: Array, covariance: Array) -> None:
     """Mean and covariance of the points."""
     mean_of(points, spread, mean)
     covariance_of(points, spread, excess, mean, covariance)

@@ -42,7 +42,7 @@ import math
 import numpy as np
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Estimator
+from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Array, Estimator
 from faultloop.relay.estimators.disturbance import (
     DETECTION_THRESHOLD,
     FLOOR,
@@ -84,17 +84,17 @@ LENGTH = CURRENT + 27
 
 
 @njit
-def voltage_of(state, c):
+def voltage_of(state: Array, c: int) -> Array:
     return state[VOLTAGE + 5 * c : VOLTAGE + 5 * c + 5]
 
 
 @njit
-def current_of(state, c):
+def current_of(state: Array, c: int) -> Array:
     return state[CURRENT + 9 * c : CURRENT + 9 * c + 9]
 
 
 @njit
-def predict_voltages(state, x, cos, sin):
+def predict_voltages(state: Array, x: Array, cos: float, sin: float) -> None:
     for c in range(3):
         v = voltage_of(state, c)
         noise = state[PROCESS] * noise_variance(state, c)
@@ -105,7 +105,7 @@ def predict_voltages(state, x, cos, sin):
 
 
 @njit
-def predict_currents(state, x, cos, sin):
+def predict_currents(state: Array, x: Array, cos: float, sin: float) -> None:
     d = state[OFFSET_ROW]
     phi = state[TRANSITION]
     for c in range(3):
@@ -125,7 +125,7 @@ def predict_currents(state, x, cos, sin):
 
 
 @njit
-def renew(state):
+def renew(state: Array) -> None:
     """Forget how sure the states were, and keep them as the prior mean."""
     for c in range(3):
         v = voltage_of(state, c)
@@ -142,7 +142,7 @@ def renew(state):
 
 
 @njit
-def correct_voltages(state, x, cos, sin):
+def correct_voltages(state: Array, x: Array, cos: float, sin: float) -> None:
     for c in range(3):
         if not is_sample(x[c]):
             continue
@@ -162,7 +162,7 @@ def correct_voltages(state, x, cos, sin):
 
 
 @njit
-def correct_currents(state, x, cos, sin):
+def correct_currents(state: Array, x: Array, cos: float, sin: float) -> None:
     d = state[OFFSET_ROW]
     for c in range(3):
         if not is_sample(x[3 + c]):
@@ -189,7 +189,7 @@ def correct_currents(state, x, cos, sin):
 
 
 @njit
-def predict(state, x):
+def predict(state: Array, x: Array) -> tuple[float, float]:
     """Innovations of the six channels; cos and sin of the reference."""
     follow_level(state, x)
     cos, sin = reference(state[N], state[SAMPLING_HZ], state[FREQUENCY_HZ])
@@ -201,7 +201,7 @@ def predict(state, x):
 
 
 @njit
-def correct_and_report(state, x, cos, sin, out):
+def correct_and_report(state: Array, x: Array, cos: float, sin: float, out: Array) -> None:
     correct_voltages(state, x, cos, sin)
     correct_currents(state, x, cos, sin)
     for c in range(3):
@@ -217,7 +217,7 @@ def correct_and_report(state, x, cos, sin, out):
 
 
 @njit
-def adaptive_kalman_step(state, x, out):
+def adaptive_kalman_step(state: Array, x: Array, out: Array) -> None:
     cos, sin = predict(state, x)
     for c in range(CHANNELS):
         compare(state, c, state[INNOVATION + c], state[PREDICTED + c])
@@ -227,7 +227,7 @@ def adaptive_kalman_step(state, x, out):
 
 
 @njit
-def as_written_step(state, x, out):
+def as_written_step(state: Array, x: Array, out: Array) -> None:
     cos, sin = predict(state, x)
     if state[RENEWALS] == 0.0 and state[LEVEL] + state[LEVEL + 1] > 0.0:
         renew(state)

@@ -9,7 +9,7 @@ disturbance (disturbance.py); the paper's plain filters have neither, and take a
 from __future__ import annotations
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, Estimator
+from faultloop.relay.estimators.base import CHANNELS, Array, Estimator
 from faultloop.relay.estimators.disturbance import (
     DETECTION_THRESHOLD,
     NOISE_FLOOR,
@@ -19,7 +19,12 @@ from faultloop.relay.estimators.disturbance import (
     is_sample,
     noise_variance,
 )
-from faultloop.relay.estimators.filters.harmonic_model import INNOVATION, correct_linear, predict_extended
+from faultloop.relay.estimators.filters.harmonic_model import (
+    INNOVATION,
+    HarmonicFilter,
+    correct_linear,
+    predict_extended,
+)
 from faultloop.relay.estimators.filters.kalman import innovation_of, predicted_variance
 from faultloop.relay.estimators.harmonic_filters import (
     begin,
@@ -35,7 +40,7 @@ from faultloop.relay.estimators.harmonic_filters import (
 
 
 @njit
-def examine(state, f, c, z):
+def examine(state: Array, f: HarmonicFilter, c: int, z: float) -> None:
     """Note how far the sample z of channel c is from its prediction."""
     if is_sample(z):
         f.memory[INNOVATION] = innovation_of(f.x, f.row, z)
@@ -43,7 +48,7 @@ def examine(state, f, c, z):
 
 
 @njit
-def correct_all(state, x):
+def correct_all(state: Array, x: Array) -> None:
     """Renew at a disturbance; correct, and follow the variance of the noise."""
     disturbed = is_disturbed(state)
     for c in range(CHANNELS):
@@ -60,7 +65,7 @@ def correct_all(state, x):
 
 
 @njit
-def ekf_step(state, x, out):
+def ekf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):
         f = filter_of(state, c)

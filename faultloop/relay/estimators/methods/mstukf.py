@@ -21,7 +21,7 @@ from dataclasses import replace
 from typing import Any
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, Estimator
+from faultloop.relay.estimators.base import CHANNELS, Array, Estimator
 from faultloop.relay.estimators.disturbance import noise_variance
 from faultloop.relay.estimators.filters.strong_tracking import step_disturbed, step_modified
 from faultloop.relay.estimators.harmonic_filters import (
@@ -38,7 +38,7 @@ from faultloop.relay.estimators.parameters import choice, extends, number
 
 
 @njit
-def mstukf_step(state, x, out):
+def mstukf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):
         f = filter_of(state, c)
@@ -49,7 +49,7 @@ def mstukf_step(state, x, out):
 
 
 @njit
-def fading_covariance_step(state, x, out):
+def fading_covariance_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):
         f = filter_of(state, c)

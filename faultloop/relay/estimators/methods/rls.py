@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Estimator
+from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Array, Estimator
 from faultloop.relay.estimators.common_gain import correct_channels, innovate
 from faultloop.relay.estimators.disturbance import (
     DETECTION_THRESHOLD,
@@ -52,7 +52,7 @@ WORK = (
 
 
 @njit
-def fill_row(row, cos, sin):
+def fill_row(row: Array, cos: float, sin: float) -> None:
     """h = [1, cos w t, -sin w t, cos 2 w t, -sin 2 w t, ...]."""
     row[0] = 1.0
     c, s = cos, sin
@@ -63,7 +63,7 @@ def fill_row(row, cos, sin):
 
 
 @njit
-def rls_step(state, x, out):
+def rls_step(state: Array, x: Array, out: Array) -> None:
     n = int(state[UNKNOWNS])
     row = state[WORK : WORK + n]
     f = state[WORK + n : WORK + 2 * n]

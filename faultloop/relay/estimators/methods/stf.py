@@ -26,7 +26,7 @@ is its per unit.
 from __future__ import annotations
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, Estimator
+from faultloop.relay.estimators.base import CHANNELS, Array, Estimator
 from faultloop.relay.estimators.disturbance import noise_variance
 from faultloop.relay.estimators.filters.strong_tracking import step_strong
 from faultloop.relay.estimators.harmonic_filters import (
@@ -47,7 +47,7 @@ FORMS = ("bounded", "as-written")
 
 
 @njit
-def stf_step(state, x, out):
+def stf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):
         f = filter_of(state, c)

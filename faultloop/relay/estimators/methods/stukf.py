@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, Estimator
+from faultloop.relay.estimators.base import CHANNELS, Array, Estimator
 from faultloop.relay.estimators.disturbance import noise_variance
 from faultloop.relay.estimators.filters.strong_tracking import step_strong_unscented
 from faultloop.relay.estimators.harmonic_filters import (
@@ -30,7 +30,7 @@ from faultloop.relay.estimators.parameters import extends
 
 
 @njit
-def stukf_step(state, x, out):
+def stukf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     seen = seen_of(state)
     for c in range(CHANNELS):

@@ -62,7 +62,7 @@ import numpy as np
 
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Estimator
+from faultloop.relay.estimators.base import CHANNELS, FREQUENCY, ROCOF, Array, Estimator
 from faultloop.relay.estimators.common_gain import correct_channels, innovate
 from faultloop.relay.estimators.disturbance import (
     AGE,
@@ -106,7 +106,7 @@ LENGTH = RIGHT + CHANNELS * UNKNOWNS
 
 
 @njit
-def fill_row(row, t, cos, sin):
+def fill_row(row: Array, t: float, cos: float, sin: float) -> None:
     """h of eq. 5 at the time t [windows]."""
     power = 1.0
     for m in range(TERMS):
@@ -116,7 +116,7 @@ def fill_row(row, t, cos, sin):
 
 
 @njit
-def move_origin(coefficients, t):
+def move_origin(coefficients: Array, t: float) -> None:
     """Polynomials in columns (10, k), re and im in turn, about the origin t: Horner's scheme."""
     for i in range(TERMS - 1):
         for m in range(TERMS - 2, i - 1, -1):
@@ -126,7 +126,7 @@ def move_origin(coefficients, t):
 
 
 @njit
-def renew(state, root, states, t):
+def renew(state: Array, root: Array, states: Array, t: float) -> None:
     """Begin a window here, keeping the polynomials as the prior mean."""
     move_origin(states, t)
     state[TICK] = 0.0
@@ -139,7 +139,7 @@ def renew(state, root, states, t):
 
 
 @njit
-def collect(state, x, row, root, states):
+def collect(state: Array, x: Array, row: Array, root: Array, states: Array) -> None:
     """A row of the least squares, a missing sample as predicted; after the last one, section 2.2's start."""
     normal = state[NORMAL:RIGHT].reshape((UNKNOWNS, UNKNOWNS))
     right = state[RIGHT:].reshape((UNKNOWNS, CHANNELS))
@@ -162,7 +162,7 @@ def collect(state, x, row, root, states):
 
 
 @njit
-def evaluate(states, t, out, derivative):
+def evaluate(states: Array, t: float, out: Array, derivative: Array) -> None:
     """p of the six channels to ``out`` (RMS), p' and p'' of the voltages to ``derivative``, at t."""
     for k in range(2 * CHANNELS):
         part, c = k % 2, k // 2
@@ -178,7 +178,7 @@ def evaluate(states, t, out, derivative):
 
 
 @njit
-def frequency(state, out, derivative):
+def frequency(state: Array, out: Array, derivative: Array) -> None:
     """f and ROCOF from p, p' and p'' of the positive sequence."""
     v1 = positive_sequence(out)
     begun = state[AGE] < state[WINDOW] and math.isnan(state[FOUND_FREQUENCY])
@@ -193,7 +193,7 @@ def frequency(state, out, derivative):
 
 
 @njit
-def taylor_kalman_step(state, x, out):
+def taylor_kalman_step(state: Array, x: Array, out: Array) -> None:
     row = state[ROW : ROW + UNKNOWNS]
     f = state[PROJECTED : PROJECTED + UNKNOWNS]
     gain = state[GAIN : GAIN + UNKNOWNS]

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from faultloop.jit import njit
-from faultloop.relay.estimators.base import CHANNELS, Estimator
+from faultloop.relay.estimators.base import CHANNELS, Array, Estimator
 from faultloop.relay.estimators.filters.harmonic_model import predict_unscented
 from faultloop.relay.estimators.harmonic_filters import (
     begin,
@@ -22,7 +22,7 @@ from faultloop.relay.estimators.parameters import extends
 
 
 @njit
-def ukf_step(state, x, out):
+def ukf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):
         f = filter_of(state, c)

@@ -50,6 +50,7 @@ because the *prediction* is wrong is taken for a bad measurement too; the filter
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,6 +62,7 @@ from faultloop.jit import njit
 from faultloop.relay.estimators.filters.kalman import cholesky, correct_jointly
 
 Array = NDArray[np.float64]
+Model = Callable[[Array, Array, Array, Array], None]
 
 MOST_ITERATIONS = 50
 SETTLED = 1e-6
@@ -119,7 +121,7 @@ CORRECTION = types.void(CUBATURE)
 
 
 @njit
-def redraw(f):
+def redraw(f: Cubature) -> None:
     """The 2 n points of the present estimate: first those with +, then with -."""
     n = len(f.x)
     cholesky(f.P, f.root)
@@ -132,7 +134,7 @@ def redraw(f):
 
 
 @njit
-def moments(points, noise, mean, covariance):
+def moments(points: Array, noise: Array, mean: Array, covariance: Array) -> None:
     """Mean and covariance of equally weighted points, and the noise's covariance added."""
     count, n = points.shape
     for j in range(n):
@@ -149,7 +151,7 @@ def moments(points, noise, mean, covariance):
 
 
 @njit
-def predict(f, transition, u, p):
+def predict(f: Cubature, transition: Model, u: Array, p: Array) -> None:
     """``x``, ``P`` and the points a step on; ``transition(x, u, p, out)``."""
     redraw(f)
     for k in range(len(f.points)):
@@ -159,7 +161,7 @@ def predict(f, transition, u, p):
 
 
 @njit
-def observe(f, measure, u, p, z):
+def observe(f: Cubature, measure: Model, u: Array, p: Array, z: Array) -> None:
     """Innovation, its covariance and that with the state, of the points; ``measure(x, u, p, out)``."""
     count, n = f.points.shape
     for k in range(count):
@@ -177,23 +179,23 @@ def observe(f, measure, u, p, z):
 
 
 @njit(signature_or_function=CORRECTION)
-def correct_ckf(f):
+def correct_ckf(f: Cubature) -> None:
     """The cubature filter's own: K = Pxz Pzz^-1."""
     correct_jointly(f.x, f.P, f.innovation, f.cross, f.total, f.gain)
 
 
 @njit
-def gaussian_weight(e, bandwidth):
+def gaussian_weight(e: float, bandwidth: float) -> float:
     return math.exp(-0.5 * (e / bandwidth) ** 2)
 
 
 @njit
-def cauchy_weight(e, bandwidth):
+def cauchy_weight(e: float, bandwidth: float) -> float:
     return 1.0 / (1.0 + e * e / bandwidth) ** 2
 
 
 @njit
-def solve_lower(L, B, count):
+def solve_lower(L: Array, B: Array, count: int) -> None:
     """B <- L^-1 B, its first ``count`` columns."""
     for i in range(len(L)):
         for c in range(count):
@@ -204,7 +206,7 @@ def solve_lower(L, B, count):
 
 
 @njit
-def whiten(f):
+def whiten(f: Cubature) -> None:
     """The white rows (29-31): ``gain`` <- G', ``innovation`` <- y; ``root`` <- Bp, ``total`` <- Br.
 
     ``white`` <- 0: the fixed point is sought from the prediction on.
@@ -230,7 +232,7 @@ def whiten(f):
 
 
 @njit
-def normal_factor(f, factor):
+def normal_factor(f: Cubature, factor: Array) -> None:
     """Cholesky factor of Cx + G' Cz G; where all weights are zero the prediction stays."""
     n, m = f.gain.shape
     for i in range(n):
@@ -243,7 +245,7 @@ def normal_factor(f, factor):
 
 
 @njit
-def solve_normal(factor, b):
+def solve_normal(factor: Array, b: Array) -> None:
     """b <- (L L')^-1 b."""
     n = len(b)
     for i in range(n):
@@ -257,7 +259,7 @@ def solve_normal(factor, b):
 
 
 @njit
-def white_errors(f):
+def white_errors(f: Cubature) -> None:
     """The rows' errors at the present ``white``, into ``weights`` (33, 34)."""
     n, m = f.gain.shape
     for i in range(n):
@@ -270,7 +272,7 @@ def white_errors(f):
 
 
 @njit
-def settle(f):
+def settle(f: Cubature) -> bool:
     """The next ``white`` for the present weights (36-41); True if it is that of before."""
     n, m = f.gain.shape
     factor, solution = f.points[:n], f.points[n]  # the points have done their work
@@ -288,7 +290,7 @@ def settle(f):
 
 
 @njit
-def conclude(f):
+def conclude(f: Cubature) -> None:
     """``x`` and ``P`` from the white deviation and the last weights.
 
     With A = (Cx + G' Cz G)^-1 G' Cz, P <- Bp ((I - A G)(I - A G)' + A A') Bp'.
@@ -327,7 +329,7 @@ def conclude(f):
 
 
 @njit(signature_or_function=CORRECTION)
-def correct_mcc(f):
+def correct_mcc(f: Cubature) -> None:
     """Maximum correntropy with the Gaussian kernel."""
     whiten(f)
     for _ in range(MOST_ITERATIONS):
@@ -340,7 +342,7 @@ def correct_mcc(f):
 
 
 @njit(signature_or_function=CORRECTION)
-def correct_ckmc(f):
+def correct_ckmc(f: Cubature) -> None:
     """Maximum correntropy with the Cauchy kernel."""
     whiten(f)
     for _ in range(MOST_ITERATIONS):
@@ -374,7 +376,14 @@ SERIES = typeof(Series(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), np.
         types.float64[:, ::1],
     )
 )
-def track(transition, measure, correct, f, series, states):
+def track(
+    transition: Model,
+    measure: Model,
+    correct: Callable[[Cubature], None],
+    f: Cubature,
+    series: Series,
+    states: Array,
+) -> None:
     """Filter a series with ``correct``, the estimates into ``states`` (t, n); row 0 is the initial one.
 
     The diagonal of ``f.R`` is that of each sample.

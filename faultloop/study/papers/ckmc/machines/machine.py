@@ -25,8 +25,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from faultloop.jit import njit
+
+Array = NDArray[np.float64]
 
 STATES = ("delta", "omega", "eq", "ed")
 DELTA, OMEGA, EQ, ED = range(4)
@@ -38,14 +41,14 @@ INERTIA, DAMPING, XD, XQ, XD1, XQ1, TD0, TQ0, STEP = range(9)
 
 
 @njit
-def to_rotor(delta, re, im):
+def to_rotor(delta: float, re: float, im: float) -> tuple[float, float]:
     """``(d, q)`` of a phasor of the network's frame (eq. 8, 9)."""
     sin, cos = math.sin(delta), math.cos(delta)
     return re * sin - im * cos, im * sin + re * cos
 
 
 @njit
-def terminal_voltage(x, i_re, i_im, p):
+def terminal_voltage(x: Array, i_re: float, i_im: float, p: Array) -> tuple[float, float]:
     """``(eR, eI)``: eq. 6 and 7."""
     i_d, i_q = to_rotor(x[DELTA], i_re, i_im)
     v_d = x[ED] + i_q * p[XQ1]
@@ -55,7 +58,7 @@ def terminal_voltage(x, i_re, i_im, p):
 
 
 @njit
-def derivative(x, u, p, dx):
+def derivative(x: Array, u: Array, p: Array, dx: Array) -> None:
     """Eq. 2-5, into ``dx``."""
     i_d, i_q = to_rotor(x[DELTA], u[IR], u[II])
     torque = (x[ED] + i_q * p[XQ1]) * i_d + (x[EQ] - i_d * p[XD1]) * i_q
@@ -66,7 +69,7 @@ def derivative(x, u, p, dx):
 
 
 @njit
-def transition(x, u, p, out):
+def transition(x: Array, u: Array, p: Array, out: Array) -> None:
     """The discrete model, eq. 1: one step of the modified Euler method over ``p[STEP]``.
 
     ``u`` (12,): the inputs just after the step's start, just before its end, and just after its end.
@@ -81,7 +84,7 @@ def transition(x, u, p, out):
 
 
 @njit
-def measurement(x, u, p, out):
+def measurement(x: Array, u: Array, p: Array, out: Array) -> None:
     """delta, omega, eR, eI of a state just after the end of a step; ``u`` as for ``transition``."""
     out[0] = x[DELTA]
     out[1] = x[OMEGA]
@@ -89,7 +92,7 @@ def measurement(x, u, p, out):
 
 
 @njit
-def wander(noise, inputs, p, states, measurements):
+def wander(noise: Array, inputs: Array, p: Array, states: Array, measurements: Array) -> None:
     """Eq. 1 with its w_k: the discrete model from ``states[0]`` on, and ``noise`` (t, 4) after every step."""
     for k in range(1, len(inputs)):
         transition(states[k - 1], inputs[k], p, states[k])

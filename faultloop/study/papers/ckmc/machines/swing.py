@@ -134,7 +134,7 @@ def workspace(inputs: Array) -> Workspace:
 
 
 @njit
-def solve_inputs(x, p, z, work):
+def solve_inputs(x: Array, p: Array, z: Array, work: Workspace) -> None:
     """Inputs of all machines with the states ``x`` (m, 5) on the network ``z`` (2m, 2m), into ``work.u``."""
     a, b = work.a, work.b
     a[:] = z
@@ -156,7 +156,7 @@ def solve_inputs(x, p, z, work):
 
 
 @njit
-def excite(x, u, p, exciter):
+def excite(x: Array, u: Array, p: Array, exciter: Array) -> float:
     """The field voltage's derivative."""
     v_re, v_im = terminal_voltage(x, u[IR], u[II], p)
     gain, lag, ceiling, reference, rest = exciter
@@ -165,7 +165,7 @@ def excite(x, u, p, exciter):
 
 
 @njit
-def derivatives(x, machines, stage, work, dx):
+def derivatives(x: Array, machines: Machines, stage: int, work: Workspace, dx: Array) -> None:
     """All machines on the network of a stage, into ``dx`` (m, 5)."""
     p = machines.constants
     solve_inputs(x, p, machines.networks[stage], work)
@@ -175,7 +175,7 @@ def derivatives(x, machines, stage, work, dx):
 
 
 @njit
-def advance(x, machines, stage, work):
+def advance(x: Array, machines: Machines, stage: int, work: Workspace) -> None:
     """One step of the modified Euler (Heun) method, in place."""
     dt = machines.constants[0, STEP]
     derivatives(x, machines, stage, work, work.first)
@@ -185,7 +185,9 @@ def advance(x, machines, stage, work):
 
 
 @njit
-def run(x, machines, stages, work, out):
+def run(
+    x: Array, machines: Machines, stages: NDArray[np.int64], work: Workspace, out: tuple[Array, Array, Array]
+) -> None:
     """Step through the networks of ``stages`` (n,).
 
     ``out``: states at each step's start, inputs just after and just before it.
@@ -265,7 +267,11 @@ def simulate(
         raise InputError(f"the fault should begin and end at multiples of {step_s:g} s", key="start_s")
     steps = np.arange(round(duration_s / step_s) + 1)
     stages = (steps >= round(start)).astype(np.int64) + (steps >= round(end))
-    out = tuple(np.empty((len(steps), len(x), width)) for width in (5, 4, 4))
+    out = (
+        np.empty((len(steps), len(x), 5)),
+        np.empty((len(steps), len(x), 4)),
+        np.empty((len(steps), len(x), 4)),
+    )
     run(x, machines, stages, work, out)
     states, after, before = (a[::every, :, :4].copy() for a in out)
     t = np.asarray(steps[::every] * step_s, dtype=np.float64)

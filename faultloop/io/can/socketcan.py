@@ -13,10 +13,10 @@ import socket
 import struct
 import time
 from collections.abc import Iterable
-from typing import Protocol
 
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame
+from faultloop.io.can.link import Link, transport_named
 from faultloop.io.can.transport import (
     SEND_WITHIN_S,
     check_socketcan,
@@ -40,33 +40,8 @@ _TIMESPEC = struct.Struct("=qq")
 _FULL = (errno.ENOBUFS, errno.EAGAIN)
 
 
-class Link(Protocol):
-    """What a node needs of a bus."""
-
-    sent: int
-    received: int
-    retries: int
-    """How often the transmit queue was full and a frame had to be offered again."""
-    errors: int
-    """Error frames of the controller."""
-
-    def send(self, frame: Frame) -> None: ...
-
-    def receive(self, timeout_s: float) -> list[tuple[int, Frame]]:
-        """Frames that have come, each with the monotonic time of its taking [ns]; waits for the first one
-        up to `timeout_s`."""
-        ...
-
-    @property
-    def dropped(self) -> int:
-        """Frames that the kernel could not keep for us."""
-        ...
-
-    def close(self) -> None: ...
-
-
 def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None) -> Link:
-    """The bus ``INTERFACE:CHANNEL``.
+    """The bus ``INTERFACE:CHANNEL``: SocketCAN, what an installed package brings, or python-can's.
 
     Parameters
     ----------
@@ -82,6 +57,8 @@ def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None) 
     if not (interface and colon and name):
         raise InputError(f"'{channel}' is not INTERFACE:CHANNEL, as in socketcan:vcan0", key="--can")
     wanted = None if identifiers is None else frozenset(identifiers)
+    if (brought := transport_named(interface)) is not None:
+        return brought(name, wanted)
     if interface == "virtual":
         raise InputError(
             "the virtual bus ends where its process does: processes need socketcan:vcan0 or the like",
