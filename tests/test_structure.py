@@ -33,6 +33,21 @@ def test_no_class_is_large() -> None:
     assert {name: n for name, n in sizes.items() if n > LARGEST_CLASS} == {}
 
 
+def test_arguments_of_kernels_are_annotated() -> None:
+    """What a kernel takes and gives cannot be seen from its body."""
+    kernels = {
+        f"{_module(path)}.{node.name}": node
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef) and any("njit" in ast.dump(d) for d in node.decorator_list)
+    }
+    assert len(kernels) > 300
+    bare = [
+        name for name, k in kernels.items() if k.returns is None or any(not a.annotation for a in k.args.args)
+    ]
+    assert bare == []
+
+
 def _imported(path: Path, known: set[str]) -> set[str]:
     """Modules that importing this one imports: not within functions, not for types alone."""
     found: set[str] = set()

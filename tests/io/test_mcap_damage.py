@@ -43,28 +43,21 @@ KINDS = ("plain", "zstd", "lz4", "part", "foreign", "foreign without chunks")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
     """A small log of each kind; every topic has messages in it."""
     folder = tmp_path_factory.mktemp("kinds")
+    return cache(lambda kind: log_of(kind, folder))
 
-    @cache
-    def made(kind: str) -> bytes:
-        path = folder / f"{kind}.mcap"
-        if kind.startswith("foreign"):
-            rewrite(
-                write_known(folder / "ours.mcap", 720),
-                path,
-                CompressionType.LZ4,
-                use_chunking=kind == "foreign",
-            )
-            return path.read_bytes()
-        compression = kind if kind in ("zstd", "lz4") else ""
-        source = open_log(write_known(folder / "ours.mcap", 720))
-        copy_log(source, path, compression)
-        data = path.read_bytes()
-        *_, last = (record for record in walk(data, 8) if record.opcode == Opcode.CHUNK)
-        return (
-            data if kind != "part" else data[: (last.start + last.stop) // 2]
-        )  # cut in the midst of a chunk
 
-    return made
+def log_of(kind: str, folder: Path) -> bytes:
+    path = folder / f"{kind}.mcap"
+    if kind.startswith("foreign"):
+        ours = write_known(folder / "ours.mcap", 720)
+        rewrite(ours, path, CompressionType.LZ4, use_chunking=kind == "foreign")
+        return path.read_bytes()
+    copy_log(open_log(write_known(folder / "ours.mcap", 720)), path, kind if kind in ("zstd", "lz4") else "")
+    data = path.read_bytes()
+    if kind != "part":
+        return data
+    *_, last = (record for record in walk(data, 8) if record.opcode == Opcode.CHUNK)
+    return data[: (last.start + last.stop) // 2]  # cut in the midst of a chunk
 
 
 def copy_log(log: Log, path: Path, compression: str) -> None:
