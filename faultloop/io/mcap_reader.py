@@ -235,6 +235,11 @@ class Log:
                     found.append(Entry(row[0], topic, dict(zip(names, row[1:], strict=True))))
         return sorted(found, key=lambda entry: entry.t_ns)
 
+    def last_ns(self, *kinds: Message) -> list[int]:
+        """Time of the last message of each topic of these kinds that has any."""
+        times = [self.array(topic)["t_ns"] for topic in self.topics if message_of(topic) in kinds]
+        return [int(t_ns[-1]) for t_ns in times if len(t_ns)]
+
     @property
     def trips(self) -> list[Entry]:
         return self.entries(table.TRIP)

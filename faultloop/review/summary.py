@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from faultloop.io.mcap_reader import Entry, Log
-from faultloop.io.messages import FAULT_STATE, LEVELS
+from faultloop.io.messages import BREAKER_STATUS, CAN_FRAME, FAULT_STATE, LEVELS, TRIP
 from faultloop.loop.outcome import outcome_of
 from faultloop.loop.recorded import recorded_scenario, recorded_settings
 from faultloop.review.facts import (
@@ -127,7 +127,7 @@ def _inception(log: Log, relays: dict[str, Survey], cycle_ns: float) -> Inceptio
 
 def _facts(log: Log, scenario: dict[str, Any], surveys: dict[str, Survey], nominal_hz: float) -> LogFacts:
     ends = [own.last_ns for own in surveys.values() if own.last_ns is not None]
-    ends += [entry.t_ns for entry in (*log.breaker_states, *log.faults, *log.can[-1:], *log.trips)]
+    ends += log.last_ns(BREAKER_STATUS, FAULT_STATE, CAN_FRAME, TRIP)
     start = datetime.fromtimestamp(log.start_ns // 10**9, UTC).strftime("%Y-%m-%dT%H:%M:%S")
     return LogFacts(
         path=str(log.path),

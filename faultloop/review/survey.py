@@ -6,6 +6,7 @@ read as a stretch of time (`rows.relay_rows`).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import CHANNELS, ELEMENTS, PHASORS, SAMPLED_VALUES
+from faultloop.jit import njit
 from faultloop.review.rows import RelayRows, Span, relay_rows
 
 SURVEYED = (SAMPLED_VALUES, PHASORS, ELEMENTS)
@@ -96,16 +98,10 @@ class Survey:
         self.count += len(t_ns)
 
     def _take_values(self, rows: RelayRows) -> None:
-        size = np.abs(rows.samples)
-        finite = np.isfinite(size)
-        self.not_numbers += (~finite).sum(axis=0)
-        for channel in np.flatnonzero(finite.any(axis=0)).tolist():
-            at = int(np.nanargmax(size[:, channel]))
-            if not self.peaks[channel] >= size[at, channel]:
-                self.peaks[channel], self.peak_ns[channel] = size[at, channel], rows.t_ns[at]
-        rms = np.abs(rows.phasors)
-        self.phasor_known |= bool(np.isfinite(rms).all(axis=1).any())
-        self.rms = np.fmax(self.rms, np.fmax.reduce(np.where(np.isinf(rms), np.nan, rms), axis=0))
+        known = np.zeros(1, np.bool_)
+        _take(rows.samples, rows.t_ns, self.not_numbers, self.peaks, self.peak_ns)
+        _take_phasors(rows.phasors, self.rms, known)
+        self.phasor_known |= bool(known[0])
         frequency = rows.frequency[np.isfinite(rows.frequency)]
         if len(frequency):
             self._frequencies.append(float(np.median(frequency)))
@@ -119,6 +115,43 @@ class Survey:
             else:
                 known[-1] = (known[-1][0], begin_ns)
         known.extend(spans)
+
+
+@njit
+def _take(
+    samples: NDArray[np.float64],
+    t_ns: NDArray[np.int64],
+    not_numbers: NDArray[np.int64],
+    peaks: NDArray[np.float64],
+    peak_ns: NDArray[np.int64],
+) -> None:
+    """Greatest instantaneous values; in one pass, as a minute of two relays has 10 million samples."""
+    for channel in range(samples.shape[1]):
+        greatest, at, numbers = -1.0, -1, 0
+        for row in range(samples.shape[0]):
+            size = abs(samples[row, channel])
+            numbers += math.isfinite(size)
+            if size > greatest:
+                greatest, at = size, row
+        not_numbers[channel] += samples.shape[0] - numbers
+        if numbers and not peaks[channel] >= greatest:
+            peaks[channel], peak_ns[channel] = greatest, t_ns[at]
+
+
+@njit
+def _take_phasors(
+    phasors: NDArray[np.complex128], greatest: NDArray[np.float64], known: NDArray[np.bool_]
+) -> None:
+    """Greatest RMS values that are finite; whether some row has all of them."""
+    for row in range(phasors.shape[0]):
+        finite = True
+        for channel in range(phasors.shape[1]):
+            size = abs(phasors[row, channel])
+            if not math.isfinite(size):
+                finite = False
+            elif not greatest[channel] >= size:
+                greatest[channel] = size
+        known[0] |= finite
 
 
 def survey(log: Log, relay: str) -> Survey:

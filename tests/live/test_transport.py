@@ -86,6 +86,7 @@ def test_processes_trip_over_ethernet_as_simulated(root: Path, package: Path, tm
     """In a program of its own: the nodes' fork server has the environment in which it was started."""
     program = f"""
 from pathlib import Path
+from faultloop.live.supervisor import run_processes
 for pace in {PACES}:
     result = run_processes(Path({str(root / "scenarios" / "ag-zone1.toml")!r}), can="ethernet:lo", pace=pace,
                            log=Path({str(tmp_path / "run.mcap")!r}))

@@ -100,3 +100,14 @@ def test_a_users_element_sees_no_estimate_that_has_not_settled(tmp_path: Path, l
     samples[:] *= 0.1  # and then it does its work
     relay.advance(samples)
     assert relay.outputs.trip_poles == 7
+
+
+def test_poles_that_open_between_two_frames_are_one_state(shared: Path) -> None:
+    """`../shared/cases/pole-status-refused`: a healthy bus refuses nothing, and tells nothing of it."""
+    scenario = shared / "cases" / "pole-status-refused" / "bc-60-percent.toml"
+    result = faultloop.run(scenario, keep=False)
+    assert sorted((trip.relay, trip.poles, trip.opened_ns is not None) for trip in result.trips) == [
+        ("RA", 7, True),
+        ("RB", 7, True),
+    ]
+    assert [event.text for event in result.events if "refused" in event.text] == []

@@ -172,7 +172,7 @@ def _notes(config: Config, data: Data) -> list[str]:
         notes.append(f"{data.numbers[-1] + 1 - samples} samples are left out, by the samples' numbers")
     missing = sum(int(np.isnan(values).sum()) for values in data.analog)
     if missing:
-        notes.append(f"{missing} values are missing")
+        notes.append("1 value is missing" if missing == 1 else f"{missing} values are missing")
     return notes + _other_rate(config, data)
 
 

@@ -66,7 +66,7 @@ def resample(
     warnings += _told(six.t_ns, pieces, least_hz)
     if not pieces:
         raise InputError(_nothing(six, sampling_hz, least_hz, warnings))
-    notes += [f"{slot}: {count} missing values bridged by straight lines"
+    notes += [f"{slot}: {count} missing value{'s' * (count > 1)} bridged by straight lines"
               for slot, (_, count) in zip(SLOTS, bridged, strict=True) if count]  # fmt: skip
     values = np.empty((sum(len(own) for own in times), 6))
     for i in range(6):
