@@ -167,7 +167,7 @@ class Traffic:
         x, control = self._x, self._control
         for k in range(control["offered"]):
             seat = int(x.offered_by[k])
-            frame = self._seats[seat].wired(t_ns, x.offers[k])
+            frame = self._seats[seat].wired(t_ns, x.offers, k)
             self._senders.send(t_ns, frame, self._names[seat])
         control["offered"] = 0
         for attacker in self._attackers:

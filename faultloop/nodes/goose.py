@@ -30,7 +30,16 @@ from faultloop.io.can.port import (
     encode,
     ticks,
 )
-from faultloop.io.can.record import FRAME, MESSAGE, Record, taken
+from faultloop.io.can.record import (
+    FRAME,
+    MESSAGE,
+    Bytes,
+    Record,
+    Records,
+    new_frame,
+    new_message,
+    taken,
+)
 from faultloop.io.can.table import TICK_NS, Kind
 from faultloop.jit import njit
 from faultloop.nodes.clock import FOREVER
@@ -299,6 +308,22 @@ def _difference(a: int, b: int, modulus: int) -> int:
 # -- for whoever is not compiled ----------------------------------------------------------------------------
 
 
+@njit
+def publish_frame(publishers: Records, t_ns: int, message: Bytes, frame: Bytes) -> bool:
+    """Is a frame of the first publisher due at ``t_ns``?  Then it is in ``frame``."""
+    m = message.view(MESSAGE)[0]
+    due = publish(publishers[0], t_ns, m)
+    if due:
+        encode(m, frame.view(FRAME)[0])
+    return due
+
+
+@njit
+def accept_bytes(subscribers: Records, message: Bytes, t_ns: int) -> int:
+    """`accept` of the first subscriber."""
+    return accept(subscribers[0], message.view(MESSAGE)[0], t_ns)
+
+
 def _silent_subscriber() -> Any:
     record = np.zeros(1, SUBSCRIBER)
     record["poles"], record["expires_ns"] = NOTHING_HEARD, FOREVER
@@ -333,7 +358,7 @@ class Publisher:
     ) -> None:
         repetition = repetition or Repetition()
         self.record = np.zeros(1, PUBLISHER) if record is None else record
-        self._message, self._frame = np.zeros(1, MESSAGE), np.zeros(1, FRAME)
+        self._message, self._frame = new_message(), new_frame()
         intervals = (repetition.first_ns, repetition.heartbeat_ns)
         self.record[0] = (kind, number, poles, test, *intervals, start_ns, poles, 1, 0, 0)
 
@@ -353,9 +378,8 @@ class Publisher:
 
     def poll(self, t_ns: int) -> Frame | None:
         """The frame that is due at `t_ns`, or none; the next is due at `next_ns`."""
-        if not publish(self.record[0], t_ns, self._message[0]):
+        if not publish_frame(self.record, t_ns, self._message, self._frame):
             return None
-        encode(self._message[0], self._frame[0])
         return Frame(*taken(self._frame, 0))
 
     def copied(self) -> Publisher:
@@ -406,7 +430,6 @@ class Subscriber:
         repetition = repetition or Repetition()
         self.record = np.zeros(1, SUBSCRIBER) if record is None else record
         self.rejected: Counter[Rejection] = Counter()
-        self._message = np.zeros(1, MESSAGE)
         self.record[:] = _SILENT
         head = (kind, number, repetition.first_ns, repetition.heartbeat_ns, repetition.grace_ns)
         age_ns = NO_COMMON_CLOCK if max_age_ns is None else max_age_ns
@@ -419,9 +442,7 @@ class Subscriber:
         Returns True for a new state (once for each), False for a frame that changes nothing (a repetition, or
         the first of several confirmations), or why it is rejected.
         """
-        for key, value in zip(State._fields, message, strict=True):
-            self._message[key] = value
-        answer = accept(self.record[0], self._message[0], t_ns)
+        answer = accept_bytes(self.record, new_message(*message.fields), t_ns)
         if answer >= 0:
             return answer == NEW
         rejection = REJECTIONS[-answer - 1]

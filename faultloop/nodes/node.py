@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.io.can import port
 from faultloop.io.can.authentication import PLAIN, Seal
 from faultloop.io.can.frames import REJECTIONS, Frame, Rejection
 from faultloop.io.can.port import (
@@ -23,6 +22,7 @@ from faultloop.io.can.port import (
     NOBODY,
     UNKNOWN_ID,
     decode_state,
+    encode,
     kind_of,
     ticks,
 )
@@ -181,6 +181,18 @@ def receive(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int, m: R
     return TAKEN if answer == NEW else NOTHING
 
 
+@njit
+def encode_one(messages: Records, k: int, frames: Records) -> None:
+    """One of some messages, into the first frame: for whoever is not compiled."""
+    encode(messages[k], frames[0])
+
+
+@njit
+def receive_first(nodes: Nodes, i: int, frames: Records, objection: int, t_ns: int, messages: Records) -> int:
+    """`receive` for whoever is not compiled."""
+    return receive(nodes, i, frames[0], objection, t_ns, messages[0])
+
+
 class Node:
     """A node for whoever is not compiled: frames in, frames out, with its seal and its report.
 
@@ -267,14 +279,14 @@ class Node:
     def poll(self, t_ns: int) -> list[Frame]:
         """The frames that are due."""
         count = poll(self.nodes, self.place, t_ns, self._messages, 0)
-        return [self.wired(t_ns, self._messages[k]) for k in range(count)]
+        return [self.wired(t_ns, self._messages, k) for k in range(count)]
 
-    def wired(self, t_ns: int, message: Any) -> Frame:
+    def wired(self, t_ns: int, messages: Records, k: int) -> Frame:
         """The frame of one of its messages as it leaves."""
-        kind = message["kind"]
+        kind = messages["kind"][k]
         if kind == HEARTBEAT:
             self.refusals.beat(t_ns)
-        port.encode(message, self._frame[0])
+        encode_one(messages, k, self._frame)
         frame = Frame(*taken(self._frame, 0))
         return frame if kind in (HEARTBEAT, MEASUREMENTS) else self.seal.close(t_ns, frame)
 
@@ -282,11 +294,10 @@ class Node:
         """Take a frame; the ``MESSAGE`` in it where it is a state that is new, else None."""
         objection, plain = self.opened(t_ns, frame)
         put(self._frame, 0, plain)
-        message = self._messages[0]
-        answer = receive(self.nodes, self.place, self._frame[0], objection, t_ns, message)
+        answer = receive_first(self.nodes, self.place, self._frame, objection, t_ns, self._messages)
         if answer < 0:
             self.refusals.add(t_ns, frame.id, REJECTIONS[-answer - 1])
-        return message if answer == TAKEN else None
+        return self._messages[0] if answer == TAKEN else None
 
     def opened(self, t_ns: int, frame: Frame) -> tuple[int, Frame]:
         """What its seal says to a frame that it hears: the number of an objection, and the plain frame."""

@@ -22,7 +22,7 @@ from faultloop.io.can.confinement import (
     succeeded,
 )
 from faultloop.io.can.length import INTERMISSION, lengths
-from faultloop.io.can.record import FRAME, Record, Records
+from faultloop.io.can.record import FRAME, Bytes, Record, Records
 from faultloop.jit import njit
 
 SECOND_NS = 1_000_000_000
@@ -112,6 +112,12 @@ def submit(bus: Bus, frame: Record, t_ns: int, sender: int) -> None:
     own.arbitration = arbitration_field(frame)
     w.waiting += 1
     w.order += 1
+
+
+@njit
+def submit_bytes(bus: Bus, frame: Bytes, t_ns: int, sender: int) -> None:
+    """`submit` for whoever is not compiled."""
+    submit(bus, frame.view(FRAME)[0], t_ns, sender)
 
 
 @njit

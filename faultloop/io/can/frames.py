@@ -11,13 +11,11 @@ import math
 from enum import Enum
 from struct import Struct
 from struct import error as StructError
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from faultloop.io.can import port
 from faultloop.io.can.e2e import crc16_p05
-from faultloop.io.can.record import FRAME, MESSAGE, put, taken
+from faultloop.io.can.record import Bytes, message_fields, new_frame, new_message, taken
 from faultloop.io.can.table import BY_IDENTIFIER, BY_KIND, CURRENT_LSB, VOLTAGE_LSB, Kind
 
 
@@ -75,13 +73,19 @@ class State(NamedTuple):
     test: bool = False
 
     def encode(self) -> Frame:
-        return _encoded(**self._asdict())
+        return _encoded(*self.fields)
+
+    @property
+    def fields(self) -> tuple[int, ...]:
+        """The first ones of a ``MESSAGE``."""
+        kind, number, poles, st_num, sq_num, counter, time, test = self
+        return kind, number, time, counter, poles, st_num, sq_num, test
 
     @classmethod
-    def of(cls, m: np.void) -> State:
-        """Of a ``MESSAGE`` record."""
-        fields: dict[str, Any] = {name: int(m[name]) for name in cls._fields}
-        return cls(**fields | {"kind": Kind(fields["kind"]), "test": bool(fields["test"])})
+    def of(cls, message: Bytes) -> State:
+        """Of a ``MESSAGE``."""
+        kind, number, time, counter, poles, st_num, sq_num, test, *_ = message_fields(message)
+        return cls(_KINDS[kind], number, poles, st_num, sq_num, counter, time, bool(test))
 
 
 class SampledValues(NamedTuple):
@@ -142,7 +146,8 @@ class Measurements(NamedTuple):
     counter: int = 0
 
     def encode(self) -> Frame:
-        return _encoded(kind=Kind.MEASUREMENTS, **self._asdict() | {"page": self.page.value})
+        head = (Kind.MEASUREMENTS, self.number, 0, self.counter)
+        return _encoded(*head, *(0,) * 7, self.page.value, *self.values)
 
 
 class Heartbeat(NamedTuple):
@@ -155,7 +160,8 @@ class Heartbeat(NamedTuple):
     time: int
 
     def encode(self) -> Frame:
-        return _encoded(kind=Kind.HEARTBEAT, **self._asdict())
+        head = (Kind.HEARTBEAT, self.number, self.time)
+        return _encoded(*head, *(0,) * 5, self.state, self.alarms, self.rejected)
 
 
 Message = State | SampledValues | Measurements | Heartbeat
@@ -167,11 +173,9 @@ _LSB = (VOLTAGE_LSB,) * 3 + (CURRENT_LSB,) * 3
 _PAGES = {Page.VOLTAGE: Struct("<BB3H"), Page.CURRENT: Struct("<BB3H"), Page.FREQUENCY: Struct("<BBHhh")}
 
 
-def _encoded(**fields: object) -> Frame:
-    message, frame = np.zeros(1, MESSAGE), np.zeros(1, FRAME)
-    for key, value in fields.items():
-        message[key] = value
-    port.encode(message[0], frame[0])
+def _encoded(*fields: float) -> Frame:
+    frame = new_frame()
+    port.encode_bytes(new_message(*fields), frame)
     return Frame(*taken(frame, 0))
 
 
@@ -190,10 +194,9 @@ def decode(frame: Frame) -> Message | Rejection:
 
 
 def _decode_state(kind: Kind, number: int, frame: Frame) -> State | Rejection:
-    read, message = np.zeros(1, FRAME), np.zeros(1, MESSAGE)
-    put(read, 0, frame)
-    objection = port.decode_state(read[0], message[0])
-    return REJECTIONS[objection - 1] if objection else State.of(message[0])
+    message = new_message()
+    objection = port.decode_state_bytes(new_frame(frame), message)
+    return REJECTIONS[objection - 1] if objection else State.of(message)
 
 
 def _decode_sampled_values(kind: Kind, number: int, frame: Frame) -> SampledValues | Rejection:
@@ -227,6 +230,7 @@ def _decode_heartbeat(kind: Kind, number: int, frame: Frame) -> Heartbeat:
     return Heartbeat(number, *_HEARTBEAT.unpack(frame.data))
 
 
+_KINDS = {int(kind): kind for kind in Kind}
 _SHAPE = {kind: (message.length, message.fd) for kind, message in BY_KIND.items()}
 _DECODERS = {
     Kind.TRIP: _decode_state,

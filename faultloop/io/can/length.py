@@ -18,7 +18,7 @@ import numpy as np
 
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame
-from faultloop.io.can.record import FRAME, Record, put
+from faultloop.io.can.record import FRAME, Bytes, Record, new_frame
 from faultloop.jit import njit
 
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
@@ -46,9 +46,7 @@ def wire_length(frame: Frame) -> WireLength:
     Raises InputError where no such frame exists: an identifier or a length that the format does not have.
     """
     check(frame)
-    record = np.zeros(1, FRAME)
-    put(record, 0, frame)
-    return WireLength(*lengths(record[0]))
+    return WireLength(*_lengths_of_bytes(new_frame(frame)))
 
 
 def check(frame: Frame) -> None:
@@ -126,6 +124,11 @@ def lengths(frame: Record) -> tuple[int, int]:
     if frame.brs:
         return nominal + _FOOTER, data + content
     return nominal + data + content + _FOOTER, int(np.int64(0))
+
+
+@njit
+def _lengths_of_bytes(frame: Bytes) -> tuple[int, int]:
+    return lengths(frame.view(FRAME)[0])
 
 
 @njit

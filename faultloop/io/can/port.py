@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.io.can.e2e import P01_COUNTERS, crc8
-from faultloop.io.can.record import Record
+from faultloop.io.can.record import FRAME, MESSAGE, Bytes, Record
 from faultloop.io.can.table import BY_IDENTIFIER, TICK_NS, Kind
 from faultloop.jit import njit
 
@@ -86,6 +86,18 @@ def encode(m: Record, frame: Record) -> None:
         _encode_measurements(m, frame.data)
     else:
         _encode_state(m, frame)
+
+
+@njit
+def encode_bytes(message: Bytes, frame: Bytes) -> None:
+    """`encode` for whoever is not compiled."""
+    encode(message.view(MESSAGE)[0], frame.view(FRAME)[0])
+
+
+@njit
+def decode_state_bytes(frame: Bytes, message: Bytes) -> int:
+    """`decode_state` for whoever is not compiled."""
+    return decode_state(frame.view(FRAME)[0], message.view(MESSAGE)[0])
 
 
 @njit

@@ -6,6 +6,7 @@ from struct import Struct
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 LONGEST = 64
 """Bytes of the longest frame."""
@@ -53,19 +54,49 @@ Record = Any
 Records = Any
 """A structured array: its elements have fields that no type checker knows."""
 
-_HEAD = Struct("<5q")
-_DATA: int = (FRAME.fields or {})["data"][1]
+_FRAME, _MESSAGE = Struct("<10q64s"), Struct("<12q3d")
+Bytes = NDArray[np.uint8]
+"""The bytes of one record.  Python calls a kernel with them within 1 us, with a record itself, whose type
+numba must find out, within 14."""
 
 
 def put(frames: Records, place: int, frame: Any) -> None:
     """Write a `Frame` into an array of ``FRAME``."""
-    raw = frames[place : place + 1].view(np.uint8)
-    _HEAD.pack_into(raw.data, 0, frame.id, len(frame.data), frame.extended, frame.fd, frame.brs)
-    raw[_DATA : _DATA + len(frame.data)] = np.frombuffer(frame.data, np.uint8)
+    head = (frame.id, len(frame.data), frame.extended, frame.fd, frame.brs)
+    _FRAME.pack_into(frames, place * FRAME.itemsize, *head, 0, 0, 0, 0, 0, frame.data)
 
 
 def taken(frames: Records, place: int) -> tuple[int, bytes, bool, bool, bool]:
     """The fields of a `Frame` out of an array of ``FRAME``."""
-    raw = frames[place : place + 1].view(np.uint8).data
-    identifier, length, extended, fd, brs = _HEAD.unpack_from(raw)
-    return identifier, bytes(raw[_DATA : _DATA + length]), bool(extended), bool(fd), bool(brs)
+    return delivered(frames, place)[2]
+
+
+def delivered(frames: Records, place: int) -> tuple[int, int, tuple[int, bytes, bool, bool, bool]]:
+    """Time, number of the sender and the fields of a `Frame`."""
+    identifier, length, extended, fd, brs, sender, t_ns, _, _, _, data = _FRAME.unpack_from(
+        frames, place * FRAME.itemsize
+    )
+    return t_ns, sender, (identifier, data[:length], extended != 0, fd != 0, brs != 0)
+
+
+def new_frame(frame: Any = None) -> Bytes:
+    """The bytes of a ``FRAME``; empty where none is given."""
+    raw = np.zeros(FRAME.itemsize, np.uint8)
+    if frame is not None:
+        put(raw, 0, frame)
+    return raw
+
+
+def new_message(*fields: float) -> Bytes:
+    """The bytes of a ``MESSAGE`` with its first fields, in their order; the others are 0."""
+    raw: Any = np.empty(MESSAGE.itemsize, np.uint8)
+    _MESSAGE.pack_into(raw, 0, *fields, *_ZEROS[len(fields) :])
+    return raw
+
+
+def message_fields(message: Any) -> tuple[Any, ...]:
+    """All fields of a ``MESSAGE``, the three values last."""
+    return _MESSAGE.unpack(message)
+
+
+_ZEROS = (0,) * 12 + (0.0,) * 3
