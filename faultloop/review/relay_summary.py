@@ -68,6 +68,13 @@ def line_impedance(log: Log, relay: str) -> complex | None:
     return complex(*z1) * ratio
 
 
+def ratios(log: Log, relay: str) -> tuple[float, float] | None:
+    """Of the relay's current and voltage transformers by its settings; None where they name none."""
+    header = recorded_settings(log, relay)["relay"]
+    ct, vt = header.get("ct_ratio", 1.0), header.get("vt_ratio", 1.0)
+    return None if ct == vt == 1.0 else (float(ct), float(vt))
+
+
 def trip_facts(trip: TripReport, zero: int, faults: Sequence[FaultFacts]) -> TripFacts:
     """The fault that a trip answers is the last that was applied before it."""
     before = [fault for fault in faults if fault.on_ns <= trip.t_ns]

@@ -29,8 +29,8 @@ KIND_COLOURS: dict[Kind, str] = {
     "A": PHASE_COLOURS["A"], "B": PHASE_COLOURS["B"], "C": PHASE_COLOURS["C"],
 }  # fmt: skip
 KIND_NAMES: dict[Kind, str] = {
-    "fault": "applied", "forward": "forward", "reverse": "reverse", "start": "start", "operate": "operate",
-    "record": "of the record", "blocked": "not ready",
+    "fault": "fault applied", "forward": "forward", "reverse": "reverse", "start": "start",
+    "operate": "operate", "record": "of the record", "blocked": "not ready",
     "A": "pole A open", "B": "pole B open", "C": "pole C open",
 }  # fmt: skip
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from faultloop.io.output_file import write_aside
-from faultloop.review.plotly_config import CONFIG
 from faultloop.study.diagram import Diagram
+from faultloop.study.plotly_config import CONFIG
 
 
 @dataclass(frozen=True)

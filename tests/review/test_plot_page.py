@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,10 +15,11 @@ from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.output_file import write_aside
 from faultloop.review import page
+from faultloop.review.page_data import content
 from faultloop.review.plot import draw, shown_relays, write_png
-from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
-from faultloop.review.view import fault_view, relay_view, thinned, window_ms
+from faultloop.review.view import thinned, window_ms
+from tests.review.page_content import drawn
 from tests.review.review_logs import BITS, FAULT_NS, OPENED_NS, RECEIVED_NS, START_NS, rows, write_log
 
 
@@ -64,28 +64,6 @@ def test_png(known: Path, tmp_path: Path) -> None:
     assert image.shape[:2] == (1100, 1120)
     assert len(np.unique(image.reshape(-1, image.shape[2]), axis=0)) > 100  # not blank
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
-
-
-def test_page(known: Path, tmp_path: Path) -> None:
-    log = open_log(known)
-    page.write_html(log, summarize(log), tmp_path / "a.html")
-    text = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=\"https?:", text)
-    for words in ("known", "PDIS1", "Faulted loop", "RFLO1 fault AG at 0.401", 'id="waves0"', 'id="plane0"'):
-        assert words in text
-    assert len(text) < 7e6
-
-
-def test_page_shows_every_sample_of_the_window(known: Path) -> None:
-    log = open_log(known)
-    summary = summarize(log)
-    view = relay_view(relay_rows(log, "R1"), summary)
-    figure = page.waves(view, summary)
-    shown = next(trace for trace in figure.data if trace.name == "ia")
-    np.testing.assert_array_equal(shown.x, view.ms)
-    np.testing.assert_allclose(shown.y, view.rows.samples[:, 3] / 1e3, rtol=1e-6)
-    bar = next(t for t in figure.data if t.type == "bar" and "PDIS1.Op" in t.hovertemplate)
-    assert bar.base[0] == view.ms[580] and bar.x[0] == pytest.approx(view.ms[800] - view.ms[580])
 
 
 @pytest.mark.parametrize("kind", ["no relay", "no samples", "one sample", "short", "nan", "replay"])
@@ -160,15 +138,11 @@ def test_no_line_is_drawn_across_a_gap(tmp_path: Path) -> None:
         log.message("/plant/faults", FAULT_NS, "FaultState", fault=0, on=True, type="AG")
     opened = open_log(path)
     summary = summarize(opened)
-    view = fault_view(opened, "R1", summary)
     edges = [((block["t_ns"][k] - FAULT_NS) / 1e6, (block["t_ns"][k + n] - FAULT_NS) / 1e6)
              for k, n in ((599, 101), (29_999, 1001))]  # fmt: skip
-    figure = page.waves(view, summary, page.outline(opened, view))
-    curves = [(np.array(trace.x), np.array(trace.y)) for trace in figure.data if trace.type == "scatter"]
-    assert len(curves) == 12
-    for x, y in curves:
-        for start, stop in edges:
-            assert np.isnan(y[(x > start) & (x < stop)]).any()
+    ms, samples = drawn(content(opened, summary)["relays"][0])
+    for start, stop in edges:
+        assert np.isnan(samples[(ms > start) & (ms < stop)]).any(axis=0).all()
     voltage = draw(opened, summary).axes[0]
     for line in voltage.get_lines()[:3]:
         x, y = np.array(line.get_xdata()), np.array(line.get_ydata())

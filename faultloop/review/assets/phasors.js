@@ -1,0 +1,46 @@
+// Phasor diagram at the cursor: voltages solid, currents dashed, each on a scale of its own.
+"use strict";
+function canvas2d(canvas, height) {
+  const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth || 300;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio); canvas.height = Math.round(height * ratio); canvas.style.height = height + "px";
+  }
+  const g = canvas.getContext("2d");
+  g.setTransform(ratio, 0, 0, ratio, 0, 0);
+  g.clearRect(0, 0, width, height);
+  g.font = "12px system-ui, sans-serif";
+  return [g, width, height];
+}
+function greatestPhasors(relay) {
+  let v = 0, i = 0;
+  for (let row = 0; row < relay.rows; row++) for (let k = 0; k < 6; k++) {
+    const size = magnitude(relay.phasor(row, k));
+    if (Number.isFinite(size)) { if (k < 3) v = Math.max(v, size); else i = Math.max(i, size); }
+  }
+  return [v || 1, i || 1];
+}
+function drawPhasors(canvas, relay, row) {
+  const [g, width, height] = canvas2d(canvas, 240), x0 = width / 2, y0 = height / 2, radius = height / 2 - 22;
+  relay.greatest = relay.greatest || greatestPhasors(relay);
+  g.strokeStyle = css("--grid"); g.lineWidth = 1;
+  for (const part of [0.5, 1]) { g.beginPath(); g.arc(x0, y0, radius * part, 0, 7); g.stroke(); }
+  g.beginPath(); g.moveTo(x0 - radius, y0); g.lineTo(x0 + radius, y0); g.moveTo(x0, y0 - radius); g.lineTo(x0, y0 + radius); g.stroke();
+  g.fillStyle = css("--soft");
+  const scale = (k, unit) => text(relay.greatest[k] / 1e3 * relay.factor("VI"[k]), 3) + unit;
+  g.textAlign = "left"; g.fillText("V: circle " + scale(0, " kV"), 2, 12);
+  g.textAlign = "right"; g.fillText("I: circle " + scale(1, " kA"), width - 2, 12);
+  if (row < 0) { g.textAlign = "center"; g.fillText("no estimates here: outside the detail", x0, y0 + 4); return; }
+  for (let k = 5; k >= 0; k--) {
+    const z = relay.phasor(row, k), size = magnitude(z) / relay.greatest[k < 3 ? 0 : 1];
+    if (!(size > 0.004)) continue;
+    const angle = (degrees(z) - relay.reference_deg) * Math.PI / 180, colour = css("--phase-" + "abc"[k % 3]);
+    const x = x0 + radius * size * Math.cos(angle), y = y0 - radius * size * Math.sin(angle);
+    g.strokeStyle = g.fillStyle = colour; g.lineWidth = k < 3 ? 2.4 : 1.8; g.setLineDash(k < 3 ? [] : [6, 4]);
+    g.beginPath(); g.moveTo(x0, y0); g.lineTo(x, y); g.stroke(); g.setLineDash([]);
+    g.beginPath(); g.moveTo(x, y);
+    for (const side of [-1, 1]) g.lineTo(x - 9 * Math.cos(angle + side * 0.4), y + 9 * Math.sin(angle + side * 0.4));
+    g.fill();
+    g.textAlign = "center";
+    g.fillText(relay.page.channels[k].toUpperCase(), x + 11 * Math.cos(angle), y - 11 * Math.sin(angle) + 4);
+  }
+}

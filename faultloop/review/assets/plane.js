@@ -1,0 +1,83 @@
+// R-X plane: zones, line, the way of the loops, and where the cursors are on it.
+"use strict";
+function planeExtent(relay, ground) {
+  const points = [[0, 0]];
+  for (const zone of Object.values(relay.zones)) points.push(...zone[ground ? "ground" : "phase"]);
+  if (relay.z1) points.push(relay.z1);
+  if (relay.loop) points.push(relay.loop.slice(1));
+  else if (points.length === 1 && relay.load) points.push(relay.load.map((z) => 1.3 * z));
+  const low = [0, 1].map((k) => Math.min(...points.map((p) => p[k]))), high = [0, 1].map((k) => Math.max(...points.map((p) => p[k])));
+  const pad = [0, 1].map((k) => Math.max(0.12 * (high[k] - low[k]), 1));
+  return [low[0] - pad[0], high[0] + pad[0], low[1] - pad[1], high[1] + pad[1]];
+}
+function drawPlane(canvas, relay, rowA, rowB) {
+  const [g, width, height] = canvas2d(canvas, 320), ground = relay.shown.endsWith("G");
+  const [r0, r1, x0, x1] = planeExtent(relay, ground), left = 34, bottom = 20;
+  const tick = (v) => String(+v.toPrecision(6));
+  const scale = Math.min((width - left - 6) / (r1 - r0), (height - bottom - 6) / (x1 - x0));
+  const mid = [(r0 + r1) / 2, (x0 + x1) / 2], centre = [(width + left) / 2, (height - bottom) / 2];
+  const px = (r) => centre[0] + (r - mid[0]) * scale, py = (x) => centre[1] - (x - mid[1]) * scale;
+  const factor = relay.factor("Z"), soft = css("--soft");
+  // grid
+  const span = (width - left) / scale * factor, rough = span / 5, ten = 10 ** Math.floor(Math.log10(rough));
+  const step = ten * [1, 2, 5, 10].find((m) => m * ten >= rough) / factor;
+  g.lineWidth = 1; g.strokeStyle = css("--grid"); g.fillStyle = soft;
+  g.save(); g.beginPath(); g.rect(left, 0, width - left, height - bottom); g.clip();
+  const ticks = (from, to) => { const all = []; for (let v = Math.ceil(from / step) * step; v <= to; v += step) all.push(Math.abs(v) < step / 1e6 ? 0 : v); return all; };
+  const rs = ticks(mid[0] + (left - centre[0]) / scale, mid[0] + (width - centre[0]) / scale);
+  const xs = ticks(mid[1] - (height - bottom - centre[1]) / scale, mid[1] + centre[1] / scale);
+  for (const r of rs) { g.beginPath(); g.moveTo(px(r), 0); g.lineTo(px(r), height); g.stroke(); }
+  for (const x of xs) { g.beginPath(); g.moveTo(0, py(x)); g.lineTo(width, py(x)); g.stroke(); }
+  g.strokeStyle = soft; g.beginPath(); g.moveTo(px(0), 0); g.lineTo(px(0), height); g.moveTo(0, py(0)); g.lineTo(width, py(0)); g.stroke();
+  // zones, line
+  const way = (points, close) => {
+    g.beginPath(); points.forEach(([r, x], i) => (i ? g.lineTo(px(r), py(x)) : g.moveTo(px(r), py(x)))); if (close) g.closePath();
+  };
+  g.strokeStyle = css("--accent"); g.lineWidth = 1.3;
+  for (const zone of Object.values(relay.zones)) { const points = zone[ground ? "ground" : "phase"]; if (points.length > 2) { way(points, true); g.stroke(); } }
+  if (relay.z1) { g.strokeStyle = css("--ink"); g.lineWidth = 3; way([[0, 0], relay.z1]); g.stroke(); }
+  // loci, from just before the fault to its end
+  const [first] = relay.detail, [from, to] = relay.locus;
+  relay.page.loops.forEach((name, k) => {
+    const main = name === relay.shown;
+    g.strokeStyle = css("--" + name); g.lineWidth = main ? 2.2 : 0.8; g.globalAlpha = main ? 1 : 0.45;
+    g.beginPath();
+    let open = false;
+    for (let row = 0; row < relay.rows; row++) {
+      const ms = relay.t[first + row * relay.step], z = relay.impedance(row, k);
+      if (ms < from || ms > to || !Number.isFinite(z[0])) { open = false; continue; }
+      const x = Math.max(-1e4, Math.min(1e4, px(z[0]))), y = Math.max(-1e4, Math.min(1e4, py(z[1])));
+      if (open) g.lineTo(x, y); else { g.moveTo(x, y); open = true; }
+    }
+    g.stroke();
+  });
+  g.globalAlpha = 1;
+  const spot = (row, colour, filled) => {
+    const z = relay.impedance(row, relay.page.loops.indexOf(relay.shown));
+    if (!Number.isFinite(z[0])) return;
+    g.strokeStyle = g.fillStyle = colour; g.lineWidth = 2.2; g.beginPath(); g.arc(px(z[0]), py(z[1]), 6, 0, 7); if (filled) g.fill(); g.stroke();
+  };
+  spot(rowB, css("--cursor-b"), false); spot(rowA, css("--cursor-a"), true);
+  // the zones' names, each where no other one is
+  const used = []; g.font = "11px system-ui, sans-serif"; g.textAlign = "center";
+  for (const [name, zone] of Object.entries(relay.zones)) {
+    const points = zone[ground ? "ground" : "phase"];
+    if (points.length < 3) continue;
+    const reverse = points.reduce((s, p) => s + p[1], 0) < 0;
+    const [r, x] = points.reduce((best, p) => ((reverse ? p[1] < best[1] : p[1] > best[1]) ? p : best));
+    const half = g.measureText(name).width / 2 + 2;
+    let place = [Math.max(left + half, Math.min(width - half, px(r))), py(x) + (reverse ? 13 : -4)];
+    while (used.some((u) => Math.abs(u[0] - place[0]) < u[2] + half && Math.abs(u[1] - place[1]) < 12)) place = [place[0], place[1] + 12];
+    used.push([...place, half]);
+    g.fillStyle = css("--paper"); g.fillRect(place[0] - half, place[1] - 10, 2 * half, 12);
+    g.fillStyle = css("--accent"); g.fillText(name, place[0], place[1]);
+  }
+  g.restore();
+  g.fillStyle = soft; g.textAlign = "center";
+  let last = -Infinity;
+  for (const r of rs) if (px(r) > left + 8 && px(r) < width - 46 && px(r) - last > 34) { g.fillText(tick(r * factor), px(r), height - 7); last = px(r); }
+  g.textAlign = "right"; g.fillText("R, Ω", width - 2, height - 7); g.textAlign = "center";
+  g.textAlign = "right"; last = Infinity;
+  for (const x of xs) if (py(x) > 18 && py(x) < height - bottom && last - py(x) > 14) { g.fillText(tick(x * factor), left - 4, py(x) + 4); last = py(x); }
+  g.textAlign = "left"; g.fillText("X, Ω", 0, 11);
+}
