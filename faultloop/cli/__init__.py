@@ -19,6 +19,8 @@ from faultloop.cli import (
     check,
     diff,
     export,
+    export_settings,
+    import_,
     monitor,
     new,
     node,
@@ -45,10 +47,10 @@ app = typer.Typer(
 
 COMMANDS = (
     new, check, run, node, monitor, replay, channels, review, export, diff, recover, suite, schema,
-    campaign, campaign_report, campaign_case,
+    campaign, campaign_report, campaign_case, import_, export_settings,
 )  # fmt: skip
 for command in COMMANDS:
-    app.command(name=command.__name__.rpartition(".")[2].replace("_", "-"))(command.command)
+    app.command(name=command.__name__.rpartition(".")[2].rstrip("_").replace("_", "-"))(command.command)
 
 
 def _version(wanted: bool) -> None:
