@@ -13,8 +13,8 @@ from faultloop.errors import InputError
 from faultloop.interchange.shape import FittedQuad, inside
 
 Loops = Literal["ground", "phase", "all"]
-DIFFERS = 0.03
-"""Part of a zone's area by which a quadrilateral may miss it without a word."""
+DIFFERS, ANOTHER = 0.03, 0.25
+"""Part of a zone's area by which a quadrilateral may miss it without a word; from which on it is another zone."""
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,11 @@ class Taken:
         fitted = FittedQuad.of(mirrored, along, direction == "none")
         if fitted is None:
             self.left.append(f"zone {name}: its shape has no reach along {math.degrees(along):.1f} degrees")
+            return
+        if fitted.differs > ANOTHER:
+            self.left.append(
+                f"zone {name}: a quadrilateral would miss {100 * fitted.differs:.0f} % of its area"
+            )
             return
         if fitted.differs > DIFFERS:
             self.noted.append(
