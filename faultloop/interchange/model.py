@@ -14,7 +14,7 @@ from faultloop.interchange.shape import FittedQuad, inside
 
 Loops = Literal["ground", "phase", "all"]
 DIFFERS, ANOTHER = 0.03, 0.25
-"""Part of a zone's area by which a quadrilateral may miss it without a word; from which on it is another zone."""
+"""Part of its area by which a quadrilateral may miss a zone without a word; from which it is another zone."""
 
 
 @dataclass(frozen=True)
