@@ -112,9 +112,11 @@ QUANTITIES = np.dtype(
         ("released", "i8"),  # PHS: mask of the loops that may start
         ("direction", "i8"),  # RDIR: 1 forward, -1 reverse, 0 unknown
         ("polarizing", "c16"),  # RDIR: positive-sequence polarizing voltage, while disturbed
+        ("fuse_failure", "i8"),  # TVTR: the voltages cannot be relied on
         ("blocked_loops", "i8"),  # * mask of loops that no distance zone may use
         ("blocked_zones", "i8"),  # * mask of distance zones, by place in the settings, that are blocked
         ("zone_started", "i8"),  # * PDIS: a distance zone has started
+        ("was_started", "i8"),  # the same at the sample before
         ("inside", "i8"),  # * PDIS: the fault is inside a zone, started or not yet
         ("started", "i8"),  # * any function has started
         ("request", REQUEST),  # * the first wish of this sample to trip
@@ -296,6 +298,7 @@ def forget(q: Record) -> None:
     q.held = q.poles != 0
     q.blocked_loops = 0
     q.blocked_zones = 0
+    q.was_started = q.zone_started
     q.zone_started = 0
     q.inside = 0
     q.started = 0

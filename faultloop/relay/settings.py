@@ -163,6 +163,11 @@ class RelaySettings(Tables):
         """A current setting in primary amperes; ``default`` (primary) where it was not given."""
         return default if value is None else value * self.ct_ratio
 
+    def volts(self, value: float | None, default: float) -> float:
+        """The same of a voltage setting, in primary volts."""
+        ratio = 1.0 if self.relay.ohms == "primary" else float(self.relay.vt_ratio or 1.0)
+        return default if value is None else value * ratio
+
     def samples(self, ms: float) -> int:
         """A time in samples."""
         return round(ms * self.relay.sampling_hz / 1000)

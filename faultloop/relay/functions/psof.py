@@ -133,7 +133,7 @@ def within(g: Record, q: Record, c: Record, proven: int) -> bool:
     for phase in range(3):
         if size2(q.x[3 + phase]) > c.current**2:
             return True
-    mask = measured_loops(g, q, proven)
+    mask = 0 if q.fuse_failure else measured_loops(g, q, proven)
     for loop in range(6):
         r, x = q.loops[2 * loop], q.loops[2 * loop + 1]
         size = math.sqrt(r * r + x * x)

@@ -9,7 +9,8 @@ Above the pickup, M = I / pickup > 1, the curve gives the operating time, for a 
 with T the time multiplier (the time dial).  For any current the relay adds up progress, dp = dt / t(M), and
 operates at p = 1 (IEEE C37.112-2018, eq. 3).  Below the pickup an induction disc turns back,
 dp = -dt / (T r / (1 - M^b)); other resets are at once, or after a time in which the progress stands.
-Beyond ``maximum_multiple`` the time is that of there.
+Beyond ``maximum_multiple`` the time is that of there.  Which current, its direction, and when the stage is
+there: `faultloop.relay.functions.overcurrent`.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from faultloop.config.tables import Milliseconds, Positive, Table
+from faultloop.config.tables import Milliseconds
 from faultloop.jit import njit
+from faultloop.relay.functions import overcurrent
 from faultloop.relay.functions.function import Function
-from faultloop.relay.memory import size2
+from faultloop.relay.functions.overcurrent import PHASE, Overcurrent, multiple
 from faultloop.relay.quantities import Record, publish, request_trip
 
 if TYPE_CHECKING:
@@ -31,7 +33,6 @@ if TYPE_CHECKING:
 MAX_STAGES = 8
 DEFINITE, POWER, RI, RD = range(4)
 AT_ONCE, STANDS, DISC = range(3)
-PHASE, RESIDUAL, NEGATIVE = range(3)
 DONE = 1 - 1e-9
 """Of the progress: as many steps as make the time add up to it, but for their rounding."""
 
@@ -75,19 +76,12 @@ CURVES: dict[str, tuple[int, float, float, float, float, float]] = {
     "ri": (RI, 0.0, 0.0, 0.0, NAN, NAN),
     "rd": (RD, 0.0, 0.0, 0.0, NAN, NAN),
 }
-_QUANTITY = {"phase": PHASE, "residual": RESIDUAL, "negative-sequence": NEGATIVE}
 _RESET = {"instantaneous": AT_ONCE, "definite-time": STANDS, "disc": DISC}
 
 
-class Ptoc(Table):
+class Ptoc(Overcurrent):
     """``[[ptoc]]``: one stage of time overcurrent."""
 
-    quantity: Literal["phase", "residual", "negative-sequence"] = "phase"
-    """Each phase current by itself, 3I0, or I2."""
-    pickup_a: Positive
-    """Above it the stage starts."""
-    dropout_ratio: Annotated[float, Field(ge=0.5, le=1)] = 0.95
-    """Below this part of the pickup the start drops out."""
     curve: Curve = "definite-time"
     """Operating time over current; docs/relay.md has the formulas."""
     time_multiplier: Annotated[float, Field(ge=0.01, le=100)] | None = None
@@ -126,10 +120,7 @@ def values(settings: RelaySettings, table: Ptoc) -> dict[str, Any]:
     kind, k, a, c, r, b = CURVES[table.curve]
     if kind == DEFINITE:
         c = (table.delay_ms or 0.0) / 1000
-    return {
-        "quantity": _QUANTITY[table.quantity],
-        "pickup": settings.amperes(table.pickup_a, 0.0),
-        "dropout": table.dropout_ratio,
+    return overcurrent.values(settings, table) | {
         "kind": kind,
         "k": k,
         "a": a,
@@ -143,6 +134,11 @@ def values(settings: RelaySettings, table: Ptoc) -> dict[str, Any]:
         "stands": settings.samples(table.reset_ms or 0.0),
         "trips": table.trip,
     }
+
+
+def check(settings: RelaySettings) -> None:
+    """Of every stage."""
+    overcurrent.check(settings, "ptoc")
 
 
 @njit
@@ -201,12 +197,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of a stage."""
     if not q.settled:
         return
-    if c.quantity == PHASE:
-        for k in range(3):
-            compare(g, c, w, k, math.sqrt(size2(q.x[3 + k])) / c.pickup)
-    else:
-        current = 3 * q.sequence[3] if c.quantity == RESIDUAL else q.sequence[5]
-        compare(g, c, w, 0, math.sqrt(size2(current)) / c.pickup)
+    for k in range(3 if c.quantity == PHASE else 1):
+        compare(g, c, w, k, multiple(g, q, c, w, k))
     operated = w.operated[0] or w.operated[1] or w.operated[2]
     publish(q, c.bit, w.started[0] or w.started[1] or w.started[2], operated)
     if operated and c.trips:
@@ -218,9 +210,7 @@ PTOC = Function(
     settings=Ptoc,
     step=step,
     constants=(
-        ("quantity", "i8"),
-        ("pickup", "f8"),
-        ("dropout", "f8"),
+        *overcurrent.CONSTANTS,
         ("kind", "i8"),
         ("k", "f8"),
         ("a", "f8"),
@@ -236,6 +226,7 @@ PTOC = Function(
     ),
     values=values,
     state=(
+        *overcurrent.STATE,
         ("progress", "f8", (3,)),
         ("started", "i8", (3,)),
         ("operated", "i8", (3,)),
@@ -243,4 +234,5 @@ PTOC = Function(
         ("still", "i8", (3,)),  # samples since it was above the pickup
     ),
     most=MAX_STAGES,
+    check=check,
 )

@@ -203,7 +203,7 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
 @njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample; publishes ``q.direction`` and, while disturbed, ``q.polarizing``."""
-    if q.disturbed:
+    if q.disturbed and not q.fuse_failure:
         decide(g, q, c, w)
     else:
         w.direction = w.candidate = w.count = w.contrary = w.changed = 0

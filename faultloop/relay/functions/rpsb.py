@@ -1,0 +1,458 @@
+"""RPSB: power-swing blocking and out-of-step tripping.
+
+A swing moves V1 / I1 steadily through the zones; a fault jumps.  Around all zones lie two boxes along the
+line's angle, the inner and the outer one.  A swing is found where the currents are balanced and the
+impedance is in the outer box, and either has been between the two for ``crossing_ms`` (``next_ms`` in the
+swings after the first), or has moved steadily for ``steady_ms``: on the sphere of `faultloop.relay.swing`
+faster than a slip of ``least_slip_hz`` and with a bend of less than its way, half cycle after half
+cycle.  The second finds the fast ones, which cross in less time than an estimator needs to rise.  A zone
+that has started already is only given up for a longer motion.
+
+From then on the swing is what is normal: zones are blocked, and the memory's reference goes along with the
+swing. So a fault in it is a change against that, with a type and a direction as any other.  It is a fault
+where
+
+- I2 or I0 exceeds ``unbalance_pu`` of the greatest I1 of late for an eighth of a cycle;
+- the impedance jumps into the outer box, or in it: it goes a way in a quarter of a cycle for which the
+  swing would have needed much longer;
+- it stands still at the line's angle, suddenly, for three quarters of a cycle: a three-phase fault near the
+  swing's own centre does not jump (a swing that turns back comes to rest slowly, and not there);
+- it has been in the outer box for ``release_s``.
+
+The swing is over ``hold_ms`` after the impedance has left the outer box.
+
+Out of step: ``trip = "way-in"`` when a swing enters the inner box, ``"way-out"`` when it leaves the outer
+box on the other side than it came from, which no stable one does, the ``slips``-th time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from faultloop.config.tables import Milliseconds, Positive, Seconds, Table
+from faultloop.errors import InputError
+from faultloop.jit import njit
+from faultloop.relay import memory, swing
+from faultloop.relay.events import Event, Names
+from faultloop.relay.functions.function import Function, Polygon
+from faultloop.relay.functions.pdis import reach_ohm
+from faultloop.relay.memory import size2
+from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, request_trip
+from faultloop.relay.swing import TRACK
+
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
+
+QUIET, SWINGING, FAULT = range(3)
+UNBALANCED, JUMPED, STOPPED, TOO_LONG = range(1, 5)
+CAUSES = ("", "I2 or I0", "a jump", "the impedance stands still", "it has lasted too long")
+ALL_ZONES = -1
+NO_TRIP, WAY_IN, WAY_OUT = range(3)
+STEADY = 0.6
+"""Bend over way of half a cycle: above it the motion is none of a swing's (of 7 Hz it is 0.45)."""
+JUMP, JUMP_LEAST = 2.5, 0.08
+"""Times the swing's own way, and a way on the sphere."""
+SLOWED = 0.25
+"""Of the swing's way: below it the impedance stands still ..."""
+AT_THE_LINE = 0.15
+"""... within so much of it (and of the line's) beside the line's angle."""
+STARTED, STARTED_WAY = 2, 0.2
+"""Times as long a motion takes a zone back that has started, if it goes so far on the sphere: what an
+estimator still drifts in a fault is less."""
+MARGIN, LOAD_MARGIN = 1.1, 0.8
+OPERATED_CYCLES = 5
+
+
+class Rpsb(Table):
+    """``[rpsb]``: power-swing blocking, out-of-step tripping."""
+
+    outer_resistance_ohm: Positive
+    """Of the outer box, to each side of the line's angle; at most 80 % of the least load impedance."""
+    inner_resistance_ohm: Positive | None = None
+    """Of the inner box; by `setting_rule` of `total_ohm` where that is given, else 0.8 of the outer one."""
+    total_ohm: Positive | None = None
+    """Of the line and both sources behind it, |Z1|: for the rule."""
+    initial_slip_hz: Annotated[float, Field(gt=0, le=10)] = 2.5
+    """Of the fastest first swing that the timer between the boxes must see: for the rule."""
+    forward_reach_ohm: Positive | None = None
+    """Of the inner box along the line's angle; 1.1 times the farthest forward zone where not given."""
+    reverse_reach_ohm: Positive | None = None
+    """The same backwards; 1.1 times the farthest reverse zone, but half the line at least."""
+    crossing_ms: Milliseconds = 30.0
+    """So long between the boxes is a swing ..."""
+    next_ms: Milliseconds = 10.0
+    """... and so long once there was one."""
+    steady_ms: Annotated[float, Field(ge=10, le=200)] = 15.0
+    """Or so long in steady motion."""
+    least_slip_hz: Annotated[float, Field(ge=0.02, le=1)] = 0.15
+    """What counts as motion."""
+    unbalance_pu: Annotated[float, Field(gt=0.05, lt=1)] = 0.2
+    """Of I1: above it I2 or I0 is a fault's."""
+    minimum_current_a: Positive | None = None
+    """Of I1; below it there is no swing; 20 A primary where not given."""
+    hold_ms: Milliseconds = 500.0
+    """So long after the impedance has left the outer box the swing stands."""
+    release_s: Seconds = 2.0
+    """After so long in the outer box the zones are released."""
+    trip: Literal["none", "way-in", "way-out"] = "none"
+    """Out-of-step tripping, three-pole."""
+    slips: Annotated[int, Field(ge=1, le=20)] = 1
+    """How many pole slips until it trips on the way out."""
+
+    @model_validator(mode="after")
+    def _order(self) -> Rpsb:
+        inner = self.inner_resistance_ohm
+        if inner is not None and inner >= self.outer_resistance_ohm:
+            raise ValueError(
+                f"inner_resistance_ohm must be below outer_resistance_ohm, {self.outer_resistance_ohm:g}"
+            )
+        if self.total_ohm is not None and inner is not None:
+            raise ValueError("give either inner_resistance_ohm or total_ohm, from which it follows")
+        if self.slips > 1 and self.trip != "way-out":
+            raise ValueError('slips belongs to trip = "way-out"')
+        return self
+
+
+def angle_deg(total_ohm: float, resistance_ohm: float) -> float:
+    """Angle between two equal sources when the swing is at a distance from the total impedance between
+    them."""
+    return 2 * math.degrees(math.atan(total_ohm / (2 * resistance_ohm)))
+
+
+def resistance_at(total_ohm: float, angle: float) -> float:
+    """The distance at an angle [degrees]."""
+    return total_ohm / (2 * math.tan(math.radians(angle) / 2))
+
+
+def setting_rule(
+    total_ohm: float, outer_ohm: float, slip_hz: float, crossing_s: float, next_slip_hz: float = 7.0
+) -> tuple[float, float]:
+    """Inner resistance [ohm] that a first swing of this slip takes ``crossing_s`` to reach from the outer
+    one, and the time [s] that one of ``next_slip_hz`` takes.  (ABB, application manual of the 670 series,
+    ZMRPSB.)"""
+    outer = angle_deg(total_ohm, outer_ohm)
+    inner = outer + 360 * slip_hz * crossing_s
+    return resistance_at(total_ohm, inner), (inner - outer) / (360 * next_slip_hz)
+
+
+def load_angle_deg(angle: float, ratio: float) -> float:
+    """The load's angle [degrees] as the inner box has it, whose resistance alone is smaller by ``ratio``
+    (ibid.)."""
+    return math.degrees(math.atan(math.tan(math.radians(angle)) / ratio))
+
+
+def inner_ohm(settings: RelaySettings, table: Rpsb) -> float:
+    """Resistance of the inner box, as the file has its ohms."""
+    if table.inner_resistance_ohm is not None:
+        return table.inner_resistance_ohm
+    if table.total_ohm is None:
+        return LOAD_MARGIN * table.outer_resistance_ohm
+    slip, crossing = table.initial_slip_hz, table.crossing_ms / 1000
+    return setting_rule(table.total_ohm, table.outer_resistance_ohm, slip, crossing)[0]
+
+
+def reaches(settings: RelaySettings, table: Rpsb) -> tuple[float, float]:
+    """Forward and reverse reach of the inner box, primary [ohm]."""
+    given = []
+    for key, direction in (("forward_reach_ohm", "forward"), ("reverse_reach_ohm", "reverse")):
+        value = getattr(table, key)
+        zones = [abs(reach_ohm(settings, z)) for z in settings.pdis if z.direction in (direction, "none")]
+        least = max([*zones, 0.5 * abs(settings.z1_ohm)])
+        given.append(MARGIN * least if value is None else value * settings.ohm_ratio)
+    return given[0], given[1]
+
+
+def values(settings: RelaySettings, table: Rpsb) -> dict[str, Any]:
+    """Boxes in primary ohm, times in samples, speeds in ways on the sphere in half a cycle."""
+    forward, reverse = reaches(settings, table)
+    return {
+        "inner": inner_ohm(settings, table) * settings.ohm_ratio,
+        "outer": table.outer_resistance_ohm * settings.ohm_ratio,
+        "forward": forward,
+        "reverse": reverse,
+        "crossing": settings.samples(table.crossing_ms),
+        "next": settings.samples(table.next_ms),
+        "steady": settings.samples(table.steady_ms),
+        "least": math.pi * table.least_slip_hz / settings.relay.frequency_hz,
+        "unbalance": table.unbalance_pu,
+        "minimum": settings.amperes(table.minimum_current_a, 20.0),
+        "hold": settings.samples(table.hold_ms),
+        "release": settings.samples(1000 * table.release_s),
+        "trip": ("none", "way-in", "way-out").index(table.trip),
+        "slips": table.slips,
+    }
+
+
+def check(settings: RelaySettings) -> None:
+    """The inner box lies around every zone, and within the outer one."""
+    table: Any = settings.rpsb
+    inner, outer = inner_ohm(settings, table), table.outer_resistance_ohm
+    if inner >= outer or inner <= 0:
+        what = (
+            f"the rule puts the inner box at {inner:.4g} ohm, not below the outer one at {outer:g}; "
+            "a slower initial_slip_hz, a shorter crossing_ms or a total_ohm that is the sum of line "
+            "and sources"
+        )
+        raise InputError(what, key="rpsb.total_ohm")
+    for number, zone in enumerate(settings.pdis, 1):
+        blind = (zone.resistive_reach_ohm or 0.0) if zone.characteristic == "quad" else 0.0
+        if zone.characteristic == "mho":
+            blind = (
+                abs(reach_ohm(settings, zone)) / settings.ohm_ratio / (1 if zone.direction == "none" else 2)
+            )
+        if blind > inner:
+            what = (
+                f"the inner box, {inner:.4g} ohm to each side of the line, must be around every zone: "
+                f"PDIS{number} reaches {blind:.4g} ohm"
+            )
+            raise InputError(what, key="rpsb.inner_resistance_ohm")
+
+
+@njit
+def place(g: Record, q: Record, c: Record, w: Record) -> None:
+    """Where V1 / I1 is: beside the line's angle, along it; in the outer and the inner box."""
+    v, i = q.sequence[1], q.sequence[4]
+    w.in_outer = w.in_inner = 0
+    if size2(i) < c.minimum**2:
+        return
+    z = v / i * g.z1.conjugate() / abs(g.z1)
+    w.along, w.beside = z.real, z.imag
+    apart = c.outer - c.inner
+    if abs(z.imag) < c.outer and -c.reverse - apart < z.real < c.forward + apart:
+        w.in_outer = 1
+        w.in_inner = 1 if abs(z.imag) < c.inner and -c.reverse < z.real < c.forward else 0
+
+
+@njit
+def observe(g: Record, q: Record, c: Record, w: Record) -> None:
+    """At a snapshot: how fast and how steadily the impedance moves."""
+    lag = g.snapshots // 4
+    m = q.memory
+    now, before, earlier = (
+        swing.point_ago(g, m, 0),
+        swing.point_ago(g, m, lag),
+        swing.point_ago(g, m, 2 * lag),
+    )
+    w.speed = swing.distance(now, before)
+    w.past = swing.distance(before, earlier)
+    w.quick = swing.distance(now, swing.point_ago(g, m, lag // 2))
+    bent = swing.bend(now, before, earlier)
+    balanced = w.unbalanced == 0 and size2(q.sequence[4]) >= c.minimum**2
+    moves = balanced and w.speed >= c.least
+    steady = moves and bent <= STEADY * w.speed
+    w.steady = w.steady + g.snapshot if steady else 0
+    w.way = w.way + w.speed / lag if steady else 0.0
+    between = moves and w.in_outer and not w.in_inner
+    w.between = w.between + g.snapshot if between else 0
+    older = swing.distance(earlier, swing.point_ago(g, m, 3 * lag))
+    if w.state == SWINGING:
+        w.pace += 0.1 * (older - w.pace)
+    else:
+        w.pace = older
+
+
+@njit
+def is_swing(c: Record, q: Record, w: Record) -> bool:
+    """Whether what moves is a swing."""
+    if not w.in_outer or w.dwell > c.release or not q.ready:
+        return False
+    if q.was_started:
+        return w.steady >= STARTED * c.steady and w.way >= STARTED_WAY
+    crossing = c.next if w.recent > 0 else c.crossing
+    return w.steady >= c.steady or w.between >= max(crossing, 1)
+
+
+@njit
+def fault_sign(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> int:
+    """What says that there is a fault in the swing; 0: nothing."""
+    if 8 * w.unbalanced >= g.cycle:
+        return UNBALANCED
+    if w.dwell > c.release:
+        return TOO_LONG
+    if not fresh:
+        return 0
+    if w.in_outer and 2 * w.quick > JUMP * max(w.pace, w.past) + JUMP_LEAST:
+        return JUMPED
+    aside = AT_THE_LINE * (math.sqrt(w.along**2 + w.beside**2) + abs(g.z1))
+    stands = w.in_inner and abs(w.beside) < aside and w.speed < SLOWED * w.pace
+    w.stopped = w.stopped + g.snapshot if stands else 0
+    return STOPPED if 4 * w.stopped >= 3 * g.cycle else 0
+
+
+@njit
+def out_of_step(g: Record, q: Record, c: Record, w: Record) -> None:
+    """Entry and exit of the boxes: slips, and the trip for them."""
+    side = 1 if w.beside > 0.0 else -1
+    if w.in_outer and not w.was_outer:
+        w.side = side
+        w.passed = 0
+    wanted = 0
+    if w.in_inner and not w.passed:
+        w.passed = 1
+        wanted = w.state == SWINGING and c.trip == WAY_IN
+    if w.was_outer and not w.in_outer and w.passed and w.state == SWINGING and side != w.side:
+        w.slips += 1
+        q.notices += 1
+        wanted = c.trip == WAY_OUT and w.slips >= c.slips
+    w.was_outer = w.in_outer
+    if wanted:
+        w.operated = OPERATED_CYCLES * g.cycle
+    w.operated = max(w.operated - 1, 0)
+
+
+@njit
+def end(g: Record, q: Record, w: Record) -> None:
+    """The swing is over: what is now is what is normal."""
+    w.state = QUIET
+    w.slips = 0
+    q.notices += 1
+    memory.fill(g, q.memory, q.x)
+
+
+@njit
+def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
+    """One sample of the state: quiet, swing, fault in a swing."""
+    if w.state == SWINGING:
+        w.cause = fault_sign(g, q, c, w, fresh)
+        if w.cause:
+            w.state = FAULT
+            w.age = 0
+            q.notices += 1
+        elif w.outside > c.hold:
+            end(g, q, w)
+    elif fresh and is_swing(c, q, w):
+        w.state = SWINGING
+        w.pace = w.speed
+        w.stopped = 0
+        w.recent = c.hold
+        q.notices += 1
+    elif w.state == FAULT and not q.disturbed:
+        w.state = QUIET
+        q.notices += 1
+
+
+@njit
+def step(g: Record, q: Record, c: Record, w: Record) -> None:
+    """One sample; blocks the zones and lets the memory go along while the swing is on."""
+    if q.memory.seen <= g.settling:
+        return
+    fresh = q.memory.tick == 0
+    place(g, q, c, w)
+    w.dwell = w.dwell + 1 if w.in_outer else 0
+    w.outside = 0 if w.in_outer else w.outside + 1
+    w.recent = max(w.recent - 1, 0)
+    w.current2 = max(size2(q.sequence[4]), w.current2 * (1.0 - 0.25 / g.cycle))
+    limit = c.unbalance**2 * w.current2
+    unbalanced = size2(q.sequence[5]) > limit or size2(q.sequence[3]) > limit
+    w.unbalanced = w.unbalanced + 1 if unbalanced else 0
+    if fresh:
+        observe(g, q, c, w)
+    next_state(g, q, c, w, fresh)
+    out_of_step(g, q, c, w)
+    if w.state == SWINGING:
+        w.recent = c.hold
+        if fresh:
+            swing.fit(g, q.memory, w.track, g.snapshots // 4)
+        swing.follow(q.memory, w.track)
+        swing.is_normal(g, q)
+        q.blocked_zones = ALL_ZONES
+    elif w.state == FAULT:
+        w.age += 1
+        if w.age <= 2 * g.cycle:
+            swing.follow(q.memory, w.track)
+    indicate(q, c.bit + 1, w.state == SWINGING)
+    indicate(q, c.bit + 2, w.state == FAULT)
+    if w.operated:
+        publish(q, c.bit, True, True)
+        request_trip(q, c.bit, THREE_PHASE, 1)
+
+
+def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
+    """A swing, a fault in it, a slip, the end."""
+    if now["slips"] > was["slips"]:
+        yield Event(names.sample, "warning", f"RPSB1 pole slip {int(now['slips'])}")
+    if now["state"] == was["state"]:
+        return
+    if now["state"] == SWINGING:
+        yield Event(names.sample, "warning", "RPSB1 power swing: zones blocked")
+    elif now["state"] == FAULT:
+        text = f"RPSB1 fault in the power swing, by {CAUSES[int(now['cause'])]}: zones released"
+        yield Event(names.sample, "warning", text)
+    else:
+        yield Event(names.sample, "info", "RPSB1 power swing over")
+
+
+def polygons(settings: RelaySettings, table: Rpsb) -> tuple[Polygon, Polygon]:
+    """The boxes as one line, from the outer to the inner one and back, primary ohm."""
+    axis = settings.z1_ohm / abs(settings.z1_ohm)
+    forward, reverse = reaches(settings, table)
+    inner, outer = (r * settings.ohm_ratio for r in (inner_ohm(settings, table), table.outer_resistance_ohm))
+    corners = []
+    for resistance, more in ((outer, outer - inner), (inner, 0.0)):
+        box = [complex(forward + more, side * resistance) for side in (-1, 1)]
+        box += [complex(-reverse - more, side * resistance) for side in (1, -1)]
+        corners += [*box, box[0]]
+    points = axis * np.array([*corners, corners[0]])
+    return np.empty((0, 2)), np.column_stack([points.real, points.imag])
+
+
+RPSB = Function(
+    name="RPSB",
+    settings=Rpsb,
+    step=step,
+    constants=(
+        ("inner", "f8"),
+        ("outer", "f8"),
+        ("forward", "f8"),
+        ("reverse", "f8"),
+        ("crossing", "i8"),
+        ("next", "i8"),
+        ("steady", "i8"),
+        ("least", "f8"),  # way on the sphere in half a cycle
+        ("unbalance", "f8"),
+        ("minimum", "f8"),
+        ("hold", "i8"),
+        ("release", "i8"),
+        ("trip", "i8"),
+        ("slips", "i8"),
+    ),
+    values=values,
+    state=(
+        ("state", "i8"),
+        ("cause", "i8"),
+        ("age", "i8"),  # samples of the fault in the swing
+        ("along", "f8"),  # the impedance along the line's angle [ohm] ...
+        ("beside", "f8"),  # ... and beside it
+        ("in_outer", "i8"),
+        ("in_inner", "i8"),
+        ("was_outer", "i8"),
+        ("side", "i8"),  # from which it came into the outer box
+        ("passed", "i8"),  # it has been in the inner one since
+        ("slips", "i8"),
+        ("operated", "i8"),  # samples that the trip is asked for
+        ("dwell", "i8"),  # samples in the outer box
+        ("outside", "i8"),
+        ("recent", "i8"),  # samples for which the next swing is no first one
+        ("current2", "f8"),  # square of the greatest I1 of late
+        ("unbalanced", "i8"),  # samples in a row
+        ("speed", "f8"),  # way on the sphere in the last half cycle, ...
+        ("past", "f8"),  # ... in the one before, ...
+        ("quick", "f8"),  # ... in the last quarter
+        ("pace", "f8"),  # the swing's own
+        ("steady", "i8"),  # samples of steady motion
+        ("way", "f8"),  # on the sphere, meanwhile
+        ("between", "i8"),  # samples between the boxes
+        ("stopped", "i8"),
+        ("track", TRACK),
+    ),
+    bits=("", "BlkZn", "UnBlk"),
+    told=False,
+    tell=tell,
+    polygons=polygons,
+    check=check,
+)

@@ -1,0 +1,127 @@
+"""RPSB: swings of every speed are blocked, faults in them are found; boxes and rules."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultloop.errors import InputError
+from faultloop.relay import Relay, RelaySettings
+from faultloop.relay.functions.rpsb import RPSB
+from tests.relay import swings
+from tests.relay.functions.kernel import GIVEN
+from tests.relay.network import Network, play, settings_dict
+from tests.relay.test_records import analog
+
+NETWORK = Network()
+BOXES = {"outer_resistance_ohm": 45.0, "inner_resistance_ohm": 22.0}
+ZONES = [
+    {"zone": 1, "reach_pu": 0.85},
+    {"zone": 2, "reach_pu": 1.3, "delay_ms": 300.0},
+    {"zone": 3, "reach_pu": 0.6, "direction": "reverse", "delay_ms": 600.0},
+    {"zone": 4, "reach_pu": 0.85, "characteristic": "quad", "resistive_reach_ohm": 15.0},
+]
+
+
+def relay(rpsb: dict[str, Any] | None, method: str = "kalman-bank") -> Relay:
+    given: dict[str, Any] = settings_dict(NETWORK, ZONES, estimator={"method": method}) | {"rpsb": rpsb}
+    given["relay"]["nominal_kv"] = 230
+    return Relay(RelaySettings.from_dict(given))
+
+
+def trips(r: Relay, x: np.ndarray) -> list[tuple[float, str]]:
+    return [(e.sample_count / 4800, e.trip.function) for e in play(r, x) if e.trip]
+
+
+@pytest.mark.parametrize("method", ["kalman-bank", "fourier"])
+@pytest.mark.parametrize("slip", [0.5, 1.0, 2.0, 3.5, 5.0, 7.0])
+@pytest.mark.parametrize("load", [-20.0, 20.0])
+def test_no_zone_trips_while_the_sources_slip(slip: float, load: float, method: str) -> None:
+    x = swings.samples(NETWORK, swings.slipping(NETWORK, slip, 0.3 + max(1.5 / slip, 0.6), load_deg=load))
+    assert trips(relay(BOXES, method), x) == []
+    if slip > 0.5:
+        assert trips(relay(None, method), x), "without it a zone trips"
+
+
+@pytest.mark.parametrize("most", [100.0, 140.0])
+@pytest.mark.parametrize("hz", [0.5, 1.0, 2.0])
+def test_no_zone_trips_in_a_stable_swing(hz: float, most: float) -> None:
+    x = swings.samples(NETWORK, swings.stable(NETWORK, hz, most, 0.3 + 1.5 / hz))
+    assert trips(relay(BOXES), x) == []
+
+
+@pytest.mark.parametrize(("trip", "slips", "before", "after"), [
+    ("way-in", 1, 90.0, 180.0), ("way-out", 1, 180.0, 330.0), ("way-out", 2, 540.0, 690.0)
+])  # fmt: skip
+def test_out_of_step_trips_on_the_way_in_or_out(trip: str, slips: int, before: float, after: float) -> None:
+    """Within these angles of the far source."""
+    angles = swings.slipping(NETWORK, 1.5, 1.8)
+    table = BOXES | {"trip": trip} | ({"slips": slips} if slips > 1 else {})
+    found = trips(relay(table), swings.samples(NETWORK, angles))
+    assert found and found[0][1] == "RPSB1"
+    assert before < -angles[int(found[0][0] * 4800)] < after
+
+
+def test_no_stable_swing_trips_on_the_way_out() -> None:
+    table = BOXES | {"trip": "way-out"}
+    assert trips(relay(table), swings.samples(NETWORK, swings.stable(NETWORK, 1.0, 150.0, 2.0))) == []
+
+
+def osc_relay(method: str, rpsb: dict[str, Any] | None) -> Relay:
+    """The real relay's reach is not known; its zone 1 operated in this swing."""
+    given = {
+        "relay": {"frequency_hz": 50, "sampling_hz": 1200, "nominal_kv": 110},
+        "estimator": {"method": method},
+        "vt": {"kind": "ideal"},
+        "line": {"z1_ohm": [5.0, 19.4], "z0_ohm": [15.0, 58.0]},
+        "pdis": [
+            {"zone": 1, "reach_pu": 1.4, "direction": "forward"},
+            {"zone": 2, "reach_pu": 2.0, "delay_ms": 500.0},
+            {"zone": 3, "reach_pu": 1.4, "direction": "none"},
+        ],
+        "rpsb": rpsb,
+    }
+    return Relay(RelaySettings.from_dict(given))
+
+
+@pytest.mark.parametrize("method", ["kalman-bank", "fourier"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_real_swing_is_blocked_in_both_directions_of_the_current(
+    records: Path, sign: float, method: str
+) -> None:
+    x = analog(records / "osc-swing-110kv", "2", "cp1251")
+    samples = np.column_stack([*(1e3 * x[4:7]), *(sign * x[31:34])])
+    boxes = {"outer_resistance_ohm": 60.0, "inner_resistance_ohm": 30.0}
+    without = [e for e in play(osc_relay(method, None), samples) if e.trip]
+    assert without, "without it a zone trips"
+    events = play(osc_relay(method, boxes), samples)
+    assert [e for e in events if e.trip] == [], events
+    assert any("RPSB1 power swing" in e.text for e in events)
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "words"),
+    [
+        ({}, "rpsb.outer_resistance_ohm", "missing"),
+        ({"outer_resistance_ohm": 20.0, "inner_resistance_ohm": 30.0}, "rpsb", "below outer"),
+        ({"outer_resistance_ohm": 15.0}, "rpsb.inner_resistance_ohm", "PDIS1 reaches 15"),
+        ({"outer_resistance_ohm": 40.0, "total_ohm": 60.0, "inner_resistance_ohm": 20.0}, "rpsb", "either"),
+        ({"outer_resistance_ohm": 40.0, "total_ohm": 60.0, "initial_slip_hz": 10.0, "crossing_ms": 40.0},
+         "rpsb.total_ohm", "the rule"),
+        ({"outer_resistance_ohm": 40.0, "slips": 2}, "rpsb", "way-out"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named(table: dict[str, Any], key: str, words: str) -> None:
+    with pytest.raises(InputError) as error:
+        RelaySettings.from_dict(GIVEN | {"pdis": [{"zone": 1, "reach_ohm": 30.0}], "rpsb": table})
+    assert (error.value.key or "").startswith(key)
+    assert words in error.value.what
+
+
+def test_the_rule_gives_the_inner_box() -> None:
+    given = {"outer_resistance_ohm": 123.5, "total_ohm": 155.75}
+    settings = RelaySettings.from_dict(GIVEN | {"rpsb": given})
+    assert RPSB.values(settings, settings.rpsb)["inner"] == pytest.approx(75.9, abs=0.05)
