@@ -25,11 +25,14 @@ import numpy as np
 
 from faultloop.jit import njit
 from faultloop.relay import energy
-from faultloop.relay.memory import A2, A, size2
+from faultloop.relay.memory import A2, A, size2, weight
 
 Record = Any
 STRAIGHT = 0.01
 """Turn of a step of the swing [rad]: less is taken for so much, which is a straight line."""
+
+OFF = 0.1
+"""Of voltage and current together."""
 
 TRACK = np.dtype(
     [
@@ -38,6 +41,7 @@ TRACK = np.dtype(
         ("turn", "c16"),  # of those since the newest snapshot of the fit
         ("per_sample", "c16"),
         ("frame", "c16"),  # turn of all by the frequency, since the fit
+        ("change", "c16", (6,)),  # against it, at the last snapshot
     ],
     align=True,
 )
@@ -114,6 +118,27 @@ def follow(m: Record, t: Record) -> None:
         m.reference[k] = (t.centre[k] + t.radius[k] * t.turn) * t.frame
     t.turn *= t.per_sample
     t.frame *= m.rotor
+
+
+@njit
+def is_off(g: Record, q: Record) -> bool:
+    """Whether the phasors are not where the swing would be: perhaps a fault, from which nothing is
+    learned."""
+    m = q.memory
+    apart = np.empty(6, np.complex128)
+    for k in range(6):
+        apart[k] = q.x[k] - m.reference[k]
+    return weight(g, apart) > OFF**2 * weight(g, m.reference)
+
+
+@njit
+def drift(g: Record, q: Record, t: Record) -> None:
+    """At a snapshot in a fault: what has moved since the last one is what the change has, not the swing."""
+    step = np.empty(6, np.complex128)
+    for k in range(6):
+        step[k] = q.d[k] - t.change[k]
+        t.change[k] = q.d[k]
+    q.memory.drift = weight(g, step)
 
 
 @njit

@@ -12,12 +12,15 @@ From then on the swing is what is normal: zones are blocked, and the memory's re
 swing. So a fault in it is a change against that, with a type and a direction as any other.  It is a fault
 where
 
-- I2 or I0 exceeds ``unbalance_pu`` of the greatest I1 of late for an eighth of a cycle;
+- I2 or I0 exceeds ``unbalance_pu`` of the greatest I1 of late for an eighth of a cycle, I2 with an
+  allowance for the speed: balanced currents that slip have an image in the estimate;
 - the impedance jumps into the outer box, or in it: it goes a way in a quarter of a cycle for which the
   swing would have needed much longer;
 - it stands still at the line's angle, suddenly, for three quarters of a cycle: a three-phase fault near the
   swing's own centre does not jump (a swing that turns back comes to rest slowly, and not there);
 - it has been in the outer box for ``release_s``.
+
+Before a swing is found, a balanced state that still moves fast starts no zone.
 
 The swing is over ``hold_ms`` after the impedance has left the outer box.
 
@@ -61,6 +64,12 @@ SLOWED = 0.25
 """Of the swing's way: below it the impedance stands still ..."""
 AT_THE_LINE = 0.15
 """... within so much of it (and of the line's) beside the line's angle."""
+IMAGE = 0.35
+"""Of the way of half a cycle: so much I2 of I1 is what an estimator makes of balanced currents that slip."""
+RUSHING = 0.12
+"""Way of half a cycle: a balanced state that moves faster starts no zone; a three-phase fault has stopped
+by then."""
+KEPT_CYCLES = 4
 STARTED, STARTED_WAY = 2, 0.2
 """Times as long a motion takes a zone back that has started, if it goes so far on the sphere: what an
 estimator still drifts in a fault is less."""
@@ -91,8 +100,9 @@ class Rpsb(Table):
     """Or so long in steady motion."""
     least_slip_hz: Annotated[float, Field(ge=0.02, le=1)] = 0.15
     """What counts as motion."""
-    unbalance_pu: Annotated[float, Field(gt=0.05, lt=1)] = 0.2
-    """Of I1: above it I2 or I0 is a fault's."""
+    unbalance_pu: Annotated[float, Field(gt=0.02, lt=1)] = 0.06
+    """Of I1: above it I0 is a fault's, and I2 with what an estimator makes of the slip (0.15 at 7 Hz)
+    added."""
     minimum_current_a: Positive | None = None
     """Of I1; below it there is no swing; 20 A primary where not given."""
     hold_ms: Milliseconds = 500.0
@@ -250,16 +260,23 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
     between = moves and w.in_outer and not w.in_inner
     w.between = w.between + g.snapshot if between else 0
     older = swing.distance(earlier, swing.point_ago(g, m, 3 * lag))
-    if w.state == SWINGING:
-        w.pace += 0.1 * (older - w.pace)
-    else:
+    if w.state != SWINGING:
         w.pace = older
+    elif not stands(g, w):
+        w.pace += 0.1 * (older - w.pace)
+
+
+@njit
+def stands(g: Record, w: Record) -> bool:
+    """Whether the impedance, which was moving, stands still at the line's angle."""
+    aside = AT_THE_LINE * (math.sqrt(w.along**2 + w.beside**2) + abs(g.z1))
+    return w.in_inner and abs(w.beside) < aside and w.speed < SLOWED * w.pace
 
 
 @njit
 def is_swing(c: Record, q: Record, w: Record) -> bool:
     """Whether what moves is a swing."""
-    if not w.in_outer or w.dwell > c.release or not q.ready:
+    if w.dwell > c.release or not q.ready:
         return False
     if q.was_started:
         return w.steady >= STARTED * c.steady and w.way >= STARTED_WAY
@@ -278,9 +295,7 @@ def fault_sign(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> int:
         return 0
     if w.in_outer and 2 * w.quick > JUMP * max(w.pace, w.past) + JUMP_LEAST:
         return JUMPED
-    aside = AT_THE_LINE * (math.sqrt(w.along**2 + w.beside**2) + abs(g.z1))
-    stands = w.in_inner and abs(w.beside) < aside and w.speed < SLOWED * w.pace
-    w.stopped = w.stopped + g.snapshot if stands else 0
+    w.stopped = w.stopped + g.snapshot if stands(g, w) else 0
     return STOPPED if 4 * w.stopped >= 3 * g.cycle else 0
 
 
@@ -321,14 +336,14 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
         w.cause = fault_sign(g, q, c, w, fresh)
         if w.cause:
             w.state = FAULT
-            w.age = 0
+            w.age = w.steady = w.between = 0
             q.notices += 1
-        elif w.outside > c.hold:
+        elif w.outside > c.hold and w.steady == 0:
             end(g, q, w)
     elif fresh and is_swing(c, q, w):
         w.state = SWINGING
         w.pace = w.speed
-        w.stopped = 0
+        w.stopped = w.off = 0
         w.recent = c.hold
         q.notices += 1
     elif w.state == FAULT and not q.disturbed:
@@ -347,8 +362,9 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     w.outside = 0 if w.in_outer else w.outside + 1
     w.recent = max(w.recent - 1, 0)
     w.current2 = max(size2(q.sequence[4]), w.current2 * (1.0 - 0.25 / g.cycle))
-    limit = c.unbalance**2 * w.current2
-    unbalanced = size2(q.sequence[5]) > limit or size2(q.sequence[3]) > limit
+    image = c.unbalance + IMAGE * max(w.pace, w.speed)
+    unbalanced = size2(q.sequence[5]) > image**2 * w.current2
+    unbalanced |= size2(q.sequence[3]) > c.unbalance**2 * w.current2
     w.unbalanced = w.unbalanced + 1 if unbalanced else 0
     if fresh:
         observe(g, q, c, w)
@@ -357,14 +373,21 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if w.state == SWINGING:
         w.recent = c.hold
         if fresh:
-            swing.fit(g, q.memory, w.track, g.snapshots // 4)
+            w.off = w.off + g.snapshot if swing.is_off(g, q) else 0
+            if (w.off == 0 and w.stopped == 0) or w.off > 2 * g.cycle:
+                swing.fit(g, q.memory, w.track, g.snapshots // 4)
         swing.follow(q.memory, w.track)
         swing.is_normal(g, q)
         q.blocked_zones = ALL_ZONES
     elif w.state == FAULT:
         w.age += 1
-        if w.age <= 2 * g.cycle:
+        if w.age <= KEPT_CYCLES * g.cycle:  # near the swing's centre a fault shows only as that moves on
             swing.follow(q.memory, w.track)
+            if fresh:
+                swing.drift(g, q, w.track)
+            q.memory.calm = q.memory.still = 0
+    elif w.in_outer and w.unbalanced == 0 and not q.was_started and 2 * w.quick > RUSHING:
+        q.blocked_zones = ALL_ZONES
     indicate(q, c.bit + 1, w.state == SWINGING)
     indicate(q, c.bit + 2, w.state == FAULT)
     if w.operated:
@@ -448,6 +471,7 @@ RPSB = Function(
         ("way", "f8"),  # on the sphere, meanwhile
         ("between", "i8"),  # samples between the boxes
         ("stopped", "i8"),
+        ("off", "i8"),  # samples that the phasors are not where the swing would be
         ("track", TRACK),
     ),
     bits=("", "BlkZn", "UnBlk"),
