@@ -26,6 +26,7 @@ import numpy as np
 from faultloop.jit import njit
 from faultloop.relay import energy
 from faultloop.relay.memory import A2, A, size2, weight
+from faultloop.relay.quantities import sequences
 
 Record = Any
 STRAIGHT = 0.01
@@ -139,6 +140,24 @@ def drift(g: Record, q: Record, t: Record) -> None:
         step[k] = q.d[k] - t.change[k]
         t.change[k] = q.d[k]
     q.memory.drift = weight(g, step)
+
+
+@njit
+def without_swing(q: Record, balanced: bool) -> None:
+    """Let the change be what the fault alone has: negative and zero sequence; of a ``balanced`` one the
+    voltages against the swing's, and no change of the currents."""
+    m = q.memory
+    v, i = q.sequence[1], q.sequence[4]
+    for k in range(3):
+        if not balanced:
+            m.reference[k] = v
+            m.reference[3 + k] = i
+            v, i = v * A2, i * A2
+        else:
+            m.reference[3 + k] = q.x[3 + k]
+    for k in range(6):
+        q.d[k] = q.x[k] - m.reference[k]
+    sequences(q.d, q.change)
 
 
 @njit

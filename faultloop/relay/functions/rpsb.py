@@ -352,6 +352,22 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
 
 
 @njit
+def lead_fault(g: Record, q: Record, w: Record, fresh: bool) -> None:
+    """One sample of a fault in a swing.  The change against the swing gives its type; as that goes on it
+    grows old, so what follows is judged by what a swing has none of."""
+    swing.follow(q.memory, w.track)
+    q.memory.calm = q.memory.still = 0
+    if q.fault == 0 or 4 * w.age < 3 * g.cycle:
+        if fresh:
+            swing.drift(g, q, w.track)
+        return
+    q.energy.direction = 0
+    swing.without_swing(q, q.fault == THREE_PHASE)
+    q.memory.drift = np.inf
+    q.memory.age = max(q.memory.age, g.cycle + 1)
+
+
+@njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample; blocks the zones and lets the memory go along while the swing is on."""
     if q.memory.seen <= g.settling:
@@ -382,10 +398,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     elif w.state == FAULT:
         w.age += 1
         if w.age <= KEPT_CYCLES * g.cycle:  # near the swing's centre a fault shows only as that moves on
-            swing.follow(q.memory, w.track)
-            if fresh:
-                swing.drift(g, q, w.track)
-            q.memory.calm = q.memory.still = 0
+            lead_fault(g, q, w, fresh)
     elif w.in_outer and w.unbalanced == 0 and not q.was_started and 2 * w.quick > RUSHING:
         q.blocked_zones = ALL_ZONES
     indicate(q, c.bit + 1, w.state == SWINGING)
