@@ -21,6 +21,7 @@ from faultloop.cli import (
     export,
     export_settings,
     import_,
+    locate,
     monitor,
     new,
     node,
@@ -47,7 +48,7 @@ app = typer.Typer(
 
 COMMANDS = (
     new, check, run, node, monitor, replay, channels, review, export, diff, recover, suite, schema,
-    campaign, campaign_report, campaign_case, import_, export_settings,
+    campaign, campaign_report, campaign_case, import_, export_settings, locate,
 )  # fmt: skip
 for command in COMMANDS:
     app.command(name=command.__name__.rpartition(".")[2].rstrip("_").replace("_", "-"))(command.command)

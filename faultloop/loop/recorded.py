@@ -45,6 +45,8 @@ SCENARIO_LISTS: Mapping[str, Kinds] = {
     "relay": {"name": _is_text, "line": _is_text, "breaker": _is_text},
     "fault": {"name": _is_text, "line": _is_text, "bus": _is_text, "type": _is_text, "at_pu": _is_number,
               "at_km": _is_number, "resistance_ohm": _is_number, "ground_ohm": _is_number},
+    "line": {"name": _is_text, "length_km": _is_positive, "r1_ohm_per_km": _is_number,
+             "x1_ohm_per_km": _is_positive, "b1_us_per_km": _is_number},
 }  # fmt: skip
 SETTINGS: Mapping[str, Kinds] = {
     "relay": {"frequency_hz": _is_frequency, "ohms": _is_text, "ct_ratio": _is_positive,
@@ -54,8 +56,8 @@ SETTINGS: Mapping[str, Kinds] = {
 
 
 def recorded_scenario(log: Log) -> Tables:
-    """Of the scenario what a reader of the log needs: [scenario], [system] as dicts, [[relay]], [[fault]] as
-    lists of dicts; a relay that has no name is not in it."""
+    """Of the scenario what a reader of the log needs: [scenario], [system] as dicts, [[relay]], [[fault]],
+    [[line]] as lists of dicts; a relay that has no name is not in it."""
     found = _json(log, "scenario", "json")
     out: Tables = {
         name: _checked(log, "scenario", name, found.get(name), kinds) for name, kinds in SCENARIO.items()

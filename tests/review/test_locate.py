@@ -1,0 +1,72 @@
+"""Two-ended location, against the place at which the plant applied the fault."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import faultloop
+from faultloop.cli import call
+from faultloop.errors import InputError
+from faultloop.io.mcap_reader import open_log
+from faultloop.io.mcap_writer import LogWriter
+from faultloop.review.locate import locate
+from tests.review.review_logs import START_NS, write_log
+
+CASES = [
+    ("AG", 0.1, 1.0), ("AG", 0.73, 50.0), ("BC", 0.4, 5.0), ("CAG", 0.9, 0.1), ("ABC", 0.55, 0.1),
+    ("ABC", 0.05, 10.0),
+]  # fmt: skip
+
+
+def run(root: Path, folder: Path, kind: str, at: float, ohm: float, *more: str) -> Path:
+    log = folder / "run.mcap"
+    changes = [f"fault.F1.type={kind}", f"fault.F1.at_pu={at}", f"fault.F1.resistance_ohm={ohm}", *more]
+    faultloop.run(root / "scenarios" / "ag-zone1.toml", log=log, overrides=changes)
+    return log
+
+
+@pytest.mark.parametrize(("kind", "at", "ohm"), CASES)
+def test_a_fault_is_where_the_plant_applied_it(
+    root: Path, tmp_path: Path, kind: str, at: float, ohm: float
+) -> None:
+    log = open_log(run(root, tmp_path, kind, at, ohm))
+    both = locate(log, log)
+    assert (both.synchronised, both.sequence) == (True, "positive" if kind == "ABC" else "negative")
+    assert both.part == pytest.approx(at, abs=0.005)
+    assert both.km == pytest.approx(100 * both.part)
+    apart = locate(log, log, ("RA", "RB"), synchronised=False)
+    assert apart.part == pytest.approx(at, abs=0.01)
+    assert locate(log, log, ("RB", "RA")).part == pytest.approx(1 - at, abs=0.005)
+
+
+def test_a_long_line_with_its_capacitance(root: Path, tmp_path: Path) -> None:
+    log = open_log(run(root, tmp_path, "AG", 0.3, 20.0, "line.AB.length_km=300"))
+    assert locate(log, log).part == pytest.approx(0.3, abs=0.005)
+
+
+def test_command_line_and_what_is_wrong(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = str(run(root, tmp_path, "AG", 0.4, 1.0))
+    assert call(["locate", log, log, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["part"] == pytest.approx(0.4, abs=0.005) and told["synchronised"] is True
+    assert call(["locate", log, log]) == 0
+    assert "of the line, " in capsys.readouterr().out
+    for arguments, words in (
+        (["--relay-a", "RC"], "has no relay 'RC'; it has RA, RB"),
+        (["--relay-a", "RB", "--relay-b", "RB"], "both are relay RB"),
+    ):
+        assert call(["locate", log, log, *arguments]) == 2
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and words in error
+    lonely = write_log(tmp_path / "one.mcap")
+    with pytest.raises(InputError, match="has 1 relays, and two are needed"):
+        locate(open_log(lonely), open_log(lonely))
+    with LogWriter(tmp_path / "quiet.mcap", START_NS) as writer:
+        writer.add_relay("R1", ("PDIS1",))
+    with pytest.raises(InputError, match="tells no impedance of the line"):
+        locate(open_log(tmp_path / "quiet.mcap"), open_log(log))
