@@ -104,6 +104,8 @@ class Diagram:
     y_range: tuple[float, float | None] | None = None
     """None: as far as it goes."""
     equal: bool = False
+    wide: bool = False
+    """As wide as a page is, on one where others stand side by side."""
     note: str = ""
     """What is said to it on a page."""
 
@@ -118,12 +120,7 @@ class Diagram:
         for curve in self.curves:
             _plotly_curve(figure, curve, many)
         for limit in self.limits:
-            add = figure.add_hline if limit.axis == "y" else figure.add_vline
-            add(
-                limit.at,
-                line={"color": INK, "dash": "dash", "width": 1},
-                annotation={"text": limit.name, "font": {"size": 11}},
-            )
+            _plotly_limit(figure, limit, self.log_y if limit.axis == "y" else self.log_x)
         for axes, ticks, names, log in (
             (figure.update_xaxes, self.x_ticks, self.x_names, self.log_x),
             (figure.update_yaxes, self.y_ticks, None, self.log_y),
@@ -212,12 +209,27 @@ def _plotly_curve(figure: Any, curve: Curve, many: bool) -> None:
         own |= {"customdata": np.asarray(values), "hovertemplate": f"{what} %{{customdata}}: {said}"}
     if curve.kind == "points":
         add = figure.add_scattergl if many else figure.add_scatter
-        add(x=x, y=y, mode="markers", marker={"color": colour, "size": 6, "opacity": 0.75}, **own)
+        add(x=x, y=y, mode="markers", marker={"color": colour, "size": 5, "opacity": 0.7}, **own)
         return
     line = {"color": colour, "dash": curve.dash, "width": 1.8}
     line |= {"shape": "hv"} if curve.kind == "steps" else {}
     mode = "lines+markers" if curve.kind == "line" else "lines"
     figure.add_scatter(x=x, y=y, mode=mode, line=line, marker={"color": colour, "size": 5}, **own)
+
+
+def _plotly_limit(figure: Any, limit: Limit, log: bool) -> None:
+    """With its name at the end; a note's place is a logarithm on such an axis, a line's is not."""
+    figure.add_shape(
+        type="line", line={"color": INK, "dash": "dash", "width": 1},
+        **({"xref": "x domain", "x0": 0, "x1": 1, "y0": limit.at, "y1": limit.at} if limit.axis == "y"
+           else {"yref": "y domain", "y0": 0, "y1": 1, "x0": limit.at, "x1": limit.at}),
+    )  # fmt: skip
+    at = float(np.log10(limit.at)) if log else limit.at
+    figure.add_annotation(
+        text=limit.name, font={"size": 11}, showarrow=False, xanchor="right",
+        **({"xref": "x domain", "x": 1, "y": at, "yanchor": "bottom"} if limit.axis == "y"
+           else {"yref": "y domain", "y": 1, "x": at, "yanchor": "top"}),
+    )  # fmt: skip
 
 
 def _plotly_surface(figure: Any, surface: Surface) -> None:

@@ -160,14 +160,18 @@ def write_page(reports: Sequence[Report], path: Path) -> None:
         parts += [f"<p>{escape(line)}</p>" for line in report.text]
         tables = [*report.tables, *([check_table(report)] if report.checks else [])]
         parts += [_html_table(table) for table in tables]
-        drawn = [(diagram.title, diagram.note, diagram.plotly()) for diagram in report.diagrams]
-        for title, note, figure in [*drawn, *((title, "", figure) for title, figure in report.figures)]:
-            parts.append(f"<h2>{escape(title)}</h2>")
-            if note:
-                parts.append(f"<p class=note>{escape(note)}</p>")
+        drawn = [(one.title, one.note, one.wide, one.plotly()) for one in report.diagrams]
+        drawn += [(title, "", True, figure) for title, figure in report.figures]
+        parts.append("<div class=g>")
+        for title, note, wide, figure in drawn:
+            said = f"<p class=note>{escape(note)}</p>" if note else ""
             _for_page(figure)
-            parts.append(figure.to_html(full_html=False, include_plotlyjs=plotly, config=CONFIG))
+            plot = figure.to_html(full_html=False, include_plotlyjs=plotly, config=CONFIG)
+            parts.append(
+                f"<section{' class=w' if wide else ''}><h2>{escape(title)}</h2>{said}{plot}</section>"
+            )
             plotly = False
+        parts.append("</div>")
     head = "<!doctype html><meta charset='utf-8'><meta name='viewport' content='width=device-width'>"
     head += f"<title>faultloop</title><style>{STYLE}</style>"
     path.write_text(head + "".join(parts), encoding="utf-8")
@@ -179,6 +183,9 @@ STYLE = (
     "table{border-collapse:collapse;margin:.5em 0 1em;width:max-content;max-width:max(100%,50em)}"
     "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd;vertical-align:top}"
     "th{vertical-align:bottom}td:first-child{min-width:8em}td.r{white-space:nowrap;min-width:0}"
+    # diagrams side by side where there is room
+    "@media(min-width:1100px){div.g{display:grid;gap:0 2em;grid-template-columns:repeat(2,minmax(0,1fr))}}"
+    "section.w{grid-column:1/-1}"
     "p.note{color:#666;font-size:13px;margin:.2em 0}h1,h2{overflow-wrap:anywhere}"
     "td.c{white-space:nowrap;font:13px monospace}"  # a command, to be copied
     "td.r,th.r{text-align:right}td.missed,p.missed{color:#b00;font-weight:bold}"
@@ -191,7 +198,8 @@ def _for_page(figure: Any) -> None:
     figure.update_layout(margin={"t": 60})
     if figure.layout.legend.orientation is None:
         height = figure.layout.height or 450
-        figure.update_layout(legend={"orientation": "h", "yanchor": "top", "y": -70 / height, "x": 0})
+        below = -65 / max(height - 115, 100)  # of the plot's own height: under the axis' title
+        figure.update_layout(legend={"orientation": "h", "yanchor": "top", "y": below, "x": 0})
 
 
 _CLASSES = {"MISSED": " class=missed", "faultloop": " class=c"}

@@ -13,11 +13,9 @@ from typing import Any
 from faultloop.config.campaign import CampaignTables
 from faultloop.config.tables import read_toml, validate
 from faultloop.errors import InputError
-from faultloop.nodes.roster import seal
 from faultloop.study.campaign.check import check_plan
 from faultloop.study.campaign.plan import Case, Files, Plan
-from faultloop.study.campaign.run import Progress, Summary, run_campaign
-from faultloop.study.campaign.waves import Waves
+from faultloop.study.campaign.summary import Progress, Summary
 
 
 class Campaign:
@@ -49,6 +47,8 @@ class Campaign:
         plan = Plan(tables, Files.read(base / tables.campaign.scenario), path, user_code)
         check_plan(plan)
         if plan.key_files():
+            from faultloop.nodes.roster import seal
+
             seal(plan.first.scenario)  # in one line here, not in each row
         return cls(plan)
 
@@ -88,6 +88,9 @@ class Campaign:
         ------
         InputError : `out` cannot be written or is of another campaign, or a worker died.
         """
+        from faultloop.study.campaign.run import run_campaign
+        from faultloop.study.campaign.waves import Waves
+
         if float64 and not keep:
             raise InputError("says how waves are kept: it needs --keep", key="--float64")
         waves = Waves(self.plan, keep, float64) if keep else None

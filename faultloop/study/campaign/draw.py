@@ -8,14 +8,15 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
-from scipy.stats import qmc
 
 from faultloop.config.campaign import Vary
+
+if TYPE_CHECKING:
+    from scipy.stats import qmc
 
 Array = NDArray[np.float64]
 SOBOL_BLOCK = 1024
@@ -81,6 +82,8 @@ class Sobol:
             return self._engine.random(SOBOL_BLOCK)
 
     def _begun(self) -> qmc.Sobol:
+        from scipy.stats import qmc  # a second of imports, which no other sampling needs
+
         return qmc.Sobol(self.places, scramble=True, rng=np.random.default_rng(self.seed))
 
 
@@ -156,6 +159,8 @@ class Draws:
         if vary.log_uniform is not None:
             low, high = vary.log_uniform
             return min(max(low * (high / low) ** part, low), high)
+        from scipy.special import ndtri
+
         assert vary.normal is not None
         mean, deviation = vary.normal
         return mean + deviation * float(ndtri(part))

@@ -17,16 +17,20 @@ Array = NDArray[np.float64]
 Counts = NDArray[np.int64]
 BINS = 40
 GROUPS = 8
-SHOTS = 4000
+SHOTS = 1500
 """Points of a kind in a shot plot."""
 STEPS = 500
 """Of a distribution's line."""
 CELLS = 60
+"""Values of a key that have cells of their own in a map; more are binned."""
+MAP_BINS = 16
+SCALES = (1, 2, 5, 10, 20, 50, 100)
 MOST_WRITTEN = 200
 RATIOS = ("#30123b", "#4454c4", "#2b9bf4", "#1fc9a4", "#7bb51d", "#d3a10c", "#f1711d", "#c22402")
 ZONE = "#9aa0a6"
 RIGHT, WRONG, QUIET = "#1a7f37", "#c62828", "#5f6b7a"
-MILLISECONDS = "ms, from the fault to the breaker's receiving the trip"
+MILLISECONDS = "operate time, ms"
+COUNTED = "From the fault to the breaker's receiving the trip."
 DECADE = [digit * 10**power for power in range(-1, 5) for digit in (1, 2, 5)]
 
 
@@ -60,8 +64,8 @@ def times_by_position(results: Results, relay: str) -> Diagram | None:
         curves,
         _limits(results, relay, "y"),
         y_range=(0, None),
-        note="Line: the median, of all cases; it ends where less than half of them were tripped. Dotted: the"
-        " slowest trip.",
+        note=f"{COUNTED} Line: the median, of all cases; it ends where less than half of them were tripped."
+        " Dotted: the slowest trip.",
     )
 
 
@@ -88,7 +92,7 @@ def distribution(results: Results, relay: str) -> Diagram | None:
         log_x=spread,
         x_ticks=[tick for tick in DECADE if low / 2 <= tick <= 2 * high] if spread else None,
         y_range=(0, 102),
-        note="What is missing to 100 % was not tripped.",
+        note=f"{COUNTED} What is missing to 100 % was not tripped.",
     )
 
 
@@ -150,7 +154,8 @@ def _zones(results: Results, relay: str) -> list[Curve]:
             if len(polygon):
                 x, y, told = polygon[:, 0], polygon[:, 1], f"{instance.name}{name}"
                 curves.append(Curve(told, x, y, "smooth", ZONE, in_legend=False, group="zones"))
-    return curves
+    entry = Curve("zones", [np.nan], [np.nan], "smooth", ZONE, group="zones")
+    return [entry, *curves] if curves else []
 
 
 def wrong_answers(results: Results, over: tuple[str, str] | None) -> Diagram | None:
@@ -166,24 +171,29 @@ def wrong_answers(results: Results, over: tuple[str, str] | None) -> Diagram | N
     few = len(every) <= MOST_WRITTEN
     texts = [f"{w} of {e}" if e and few else "" for w, e in zip(wrong, every, strict=True)]
     written = [texts[i : i + shape[1]] for i in range(0, len(texts), shape[1])]
-    surface = Surface(x_names, y_names, part.reshape(shape), [0, 100], "% wrong", written, "Reds")
+    most = next(end for end in SCALES if end >= np.nanmax(part, initial=0))
+    surface = Surface(x_names, y_names, part.reshape(shape), [0, most], "% wrong", written, "Reds")
     return Diagram(
-        "Wrong answers, % of the judged", keys[0], keys[1], surface=surface,
+        "Wrong answers, % of the judged", keys[0], keys[1], surface=surface, wide=True,
         note="Over any two varied keys with --map KEY,KEY. Empty: no case was judged there.",
     )  # fmt: skip
 
 
 def telling_keys(results: Results) -> list[str]:
-    """The varied keys, those first over which the part of wrong answers differs most (the variance of it
-    between a key's values, of all); in their own order where nothing is wrong."""
+    """The varied keys, those first over which the part of wrong answers differs most: by chi-squared against
+    the same part everywhere, in standard deviations, so that many values are no merit.  In their own order
+    where nothing is wrong.
+    """
     keys = results.varied_keys()
     told = {}
     for key in keys:
         cell, names = _cells(results, key)
         every, wrong = _counted(results, cell, len(names))
-        part = wrong / np.maximum(every, 1)
-        mean = wrong.sum() / max(every.sum(), 1)
-        told[key] = float(np.sum(every * (part - mean) ** 2))
+        mean, used = wrong.sum() / max(every.sum(), 1), every > 0
+        spread = np.sum((wrong[used] - mean * every[used]) ** 2 / every[used])
+        freedom = max(np.count_nonzero(used) - 1, 1)
+        variance = mean * (1 - mean)
+        told[key] = (spread / variance - freedom) / np.sqrt(2 * freedom) if variance > 0 else 0.0
     return sorted(keys, key=lambda key: -told[key])
 
 
@@ -237,7 +247,8 @@ def _cells(results: Results, key: str) -> tuple[Counts, list[str]]:
     values = results.numbers(key)
     own = np.unique(values[np.isfinite(values)])
     if len(own) > CELLS:
-        edges = np.linspace(own[0], own[-1], 25)
-        number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, len(edges) - 2)
-        return number, [f"{(a + b) / 2:.4g}" for a, b in pairwise(edges)]
+        by_ratio = any(key in vary.all_keys and vary.log_uniform for vary in results.tables.vary)
+        edges = (np.geomspace if by_ratio else np.linspace)(own[0], own[-1], MAP_BINS + 1)
+        number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, MAP_BINS - 1)
+        return number, [f"{a:.3g} to {b:.3g}" for a, b in pairwise(edges)]
     return np.clip(np.searchsorted(own, values), 0, len(own) - 1), [f"{value:g}" for value in own]

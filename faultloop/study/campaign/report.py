@@ -59,7 +59,10 @@ def setup_of(results: Results) -> Report:
 
 def _wanted(judge: Judge) -> str:
     said = judge.model_dump(exclude_none=True, exclude={"relay", "where", "trip"}, exclude_defaults=True)
-    parts = ["a trip" if judge.trip else "no trip", *(f"{key} {value}" for key, value in said.items())]
+    parts = [
+        "a trip" if judge.trip else "no trip",
+        *(f"{key} {_short(value)}" for key, value in said.items()),
+    ]
     return ", ".join(parts)
 
 

@@ -165,6 +165,7 @@ def _read(path: Path, columns: Sequence[str]) -> pa.Table:
         raise InputError(f"has no column '{missing[0]}'", file=path)
     texts = [name for name in columns if pa.types.is_string(schema.field(name).type)]
     try:
-        return pq.read_table(path, columns=list(columns), read_dictionary=texts).unify_dictionaries()
+        with pq.ParquetFile(path, read_dictionary=texts) as file:  # read_table would import pandas
+            return file.read(columns=list(columns)).unify_dictionaries()
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"is damaged ({' '.join(str(error).split())[:80]})", file=path) from None

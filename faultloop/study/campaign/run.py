@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import os
 import threading
-from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import closing
-from dataclasses import dataclass
 from multiprocessing import get_context, parent_process
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from faultloop.errors import InputError
 from faultloop.loop.case import Cases
@@ -29,37 +26,13 @@ from faultloop.loop.recording import MemorySink
 from faultloop.study.campaign.parts import PartFiles, Parts, finished, prepare_waves, waves_there
 from faultloop.study.campaign.plan import Plan
 from faultloop.study.campaign.record import fingerprint, record_of
+from faultloop.study.campaign.summary import Progress, Summary, summary_of
 from faultloop.study.campaign.table import arrow, failed, row_of, schema_of
 from faultloop.study.campaign.waves import MOST_BYTES, Kept, Waves
 from faultloop.study.campaign.waves import folder_of as waves_folder
 
 KEPT_RELAYS = 100
 """Settings whose relays are kept."""
-
-Progress = Callable[[int, int], None]
-"""Called with the number of cases done, and of all."""
-
-
-@dataclass(frozen=True)
-class Summary:
-    """What came of a campaign.
-
-    Attributes
-    ----------
-    out : the file; None where the rows were kept in memory only.
-    errors : cases that could not be run, with the verdict `unjudged`.
-    new : cases that were run now; the others were there.
-    first_error : the first case that could not be run, and why.
-    """
-
-    out: Path
-    cases: int
-    right: int
-    wrong: int
-    unjudged: int
-    errors: int
-    new: int
-    first_error: str | None = None
 
 
 def run_campaign(
@@ -88,7 +61,7 @@ def run_campaign(
         if folder is not None and (there := waves_there(folder, mark)) < plan.cases:
             told = f"of {there} of {plan.cases} cases only" if there else "not"
             raise InputError(f"is there, but waves are {told}; give another --out, or delete it", file=out)
-        return _summary(out, 0)
+        return summary_of(out, 0)
     schema = schema_of(plan, [place.name for place in plan.first.scenario.relay])
     most = None if waves is None else max(MOST_BYTES // max(waves.case_bytes, 1), 1)
     with closing(Parts(out, plan.cases, mark, most, folder)) as parts:
@@ -119,7 +92,7 @@ def run_campaign(
             for number in _by_processes(job, todo, min(workers, len(todo)), parts):
                 one_more(parts.size_of(number))
         parts.merge(schema, record | {"fingerprint": own})
-    return _summary(out, new)
+    return summary_of(out, new)
 
 
 class Job:
@@ -241,17 +214,3 @@ def _by_processes(job: Job, todo: list[int], workers: int, parts: Parts) -> Iter
         raise
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
-
-
-def _summary(out: Path, new: int) -> Summary:
-    counts: Counter[str] = Counter()
-    failures, first = 0, None
-    with pq.ParquetFile(out) as file:
-        for batch in file.iter_batches(columns=["case", "verdict", "error"]):
-            counts.update(batch["verdict"].to_pylist())
-            failures += len(batch) - batch["error"].null_count
-            if failures and first is None:
-                row = batch.filter(batch["error"].is_valid()).slice(0, 1).to_pylist()[0]
-                first = f"case {row['case']}: {row['error']}"
-    right, wrong, unjudged = (counts[name] for name in ("right", "wrong", "unjudged"))
-    return Summary(out, counts.total(), right, wrong, unjudged, failures, new, first)

@@ -14,7 +14,6 @@ import pytest
 
 import faultloop
 from faultloop.cli import call
-from faultloop.study.campaign import run as running
 from faultloop.study.campaign.figures import (
     _middle,
     diagrams,
@@ -27,6 +26,7 @@ from faultloop.study.campaign.parts import KEY
 from faultloop.study.campaign.record import fingerprint, record_of
 from faultloop.study.campaign.report import changes, report_of, worst_of
 from faultloop.study.campaign.results import Results
+from faultloop.study.campaign.summary import summary_of
 from faultloop.study.campaign.table import arrow, schema_of, started
 
 Tables = dict[str, Any]
@@ -227,5 +227,5 @@ def test_a_record_that_is_not_whole(results: Results, folder: Path) -> None:
 
 
 def test_summary_counts(results: Results) -> None:
-    summary = running._summary(results.path, 0)
+    summary = summary_of(results.path, 0)
     assert (summary.cases, summary.right, summary.wrong, summary.errors) == (20, 16, 4, 0)
