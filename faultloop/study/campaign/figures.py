@@ -169,13 +169,14 @@ def wrong_answers(results: Results, over: tuple[str, str] | None) -> Diagram | N
     part = np.full(len(every), np.nan)
     np.divide(100 * wrong, every, out=part, where=every > 0)
     few = len(every) <= MOST_WRITTEN
-    texts = [f"{w} of {e}" if e and few else "" for w, e in zip(wrong, every, strict=True)]
+    texts = [f"{w}/{e}" if w and few else "" for w, e in zip(wrong, every, strict=True)]
     written = [texts[i : i + shape[1]] for i in range(0, len(texts), shape[1])]
     most = next(end for end in SCALES if end >= np.nanmax(part, initial=0))
     surface = Surface(x_names, y_names, part.reshape(shape), [0, most], "% wrong", written, "Reds")
     return Diagram(
         "Wrong answers, % of the judged", keys[0], keys[1], surface=surface, wide=True,
-        note="Over any two varied keys with --map KEY,KEY. Empty: no case was judged there.",
+        note="Over any two varied keys with --map KEY,KEY. In a cell: so many of its judged cases were wrong."
+        " White: no case was judged there.",
     )  # fmt: skip
 
 

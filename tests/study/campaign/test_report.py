@@ -105,7 +105,7 @@ def test_map_of_wrong_answers(results: Results) -> None:
     assert (diagram.x_label, diagram.y_label) == ("fault.F1.at_pu", "fault.F1.type")
     assert np.array_equal(diagram.surface.z, [[0.0] * 8 + [100.0] * 2] * 2)
     assert list(diagram.surface.y) == ["AG", "BC"]
-    assert diagram.surface.texts() == [["0 of 1"] * 8 + ["1 of 1"] * 2] * 2
+    assert diagram.surface.texts() == [[""] * 8 + ["1/1"] * 2] * 2
     turned = wrong_answers(results, ("fault.F1.type", "fault.F1.at_pu"))
     assert turned is not None and turned.surface is not None
     assert np.array_equal(turned.surface.z, diagram.surface.z.T)
