@@ -159,7 +159,10 @@ def _zones(results: Results, relay: str) -> list[Curve]:
 
 
 def wrong_answers(results: Results, over: tuple[str, str] | None) -> Diagram | None:
-    """The part of wrong answers over two varied keys; where none are given, those that tell the most."""
+    """The part of wrong answers over two varied keys; where none are given, those that tell the most, if any
+    answer is wrong."""
+    if over is None and not results.wrong.any():
+        return None
     keys = over or telling_keys(results)
     if len(keys) < 2:
         return None
@@ -249,7 +252,17 @@ def _cells(results: Results, key: str) -> tuple[Counts, list[str]]:
     own = np.unique(values[np.isfinite(values)])
     if len(own) > CELLS:
         by_ratio = any(key in vary.all_keys and vary.log_uniform for vary in results.tables.vary)
-        edges = (np.geomspace if by_ratio else np.linspace)(own[0], own[-1], MAP_BINS + 1)
+        edges = (np.geomspace if by_ratio else np.linspace)(own[0], own[-1], 2 * MAP_BINS + 1)
+        edges, middles = edges[::2], edges[1::2]
         number = np.clip(np.searchsorted(edges, values, "right") - 1, 0, MAP_BINS - 1)
-        return number, [f"{a:.3g} to {b:.3g}" for a, b in pairwise(edges)]
-    return np.clip(np.searchsorted(own, values), 0, len(own) - 1), [f"{value:g}" for value in own]
+        return number, _told(middles)
+    return np.clip(np.searchsorted(own, values), 0, len(own) - 1), _told(own)
+
+
+def _told(values: Array) -> list[str]:
+    """With as few digits as tell them apart, three at least."""
+    for digits in range(3, 17):
+        names = [f"{value:.{digits}g}" for value in values]
+        if len(set(names)) == len(names):
+            return names
+    return [repr(float(value)) for value in values]
