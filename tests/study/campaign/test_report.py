@@ -16,6 +16,7 @@ import faultloop
 from faultloop.cli import call
 from faultloop.study.campaign.figures import (
     _middle,
+    _told,
     diagrams,
     shots,
     telling_keys,
@@ -109,6 +110,12 @@ def test_map_of_wrong_answers(results: Results) -> None:
     turned = wrong_answers(results, ("fault.F1.type", "fault.F1.at_pu"))
     assert turned is not None and turned.surface is not None
     assert np.array_equal(turned.surface.z, diagram.surface.z.T)
+
+
+def test_names_of_a_map_are_apart() -> None:
+    """A plot would put two of one name into one column."""
+    assert _told(np.array([0.2, 0.5, 30.0])) == ["0.2", "0.5", "30"]
+    assert _told(np.array([49.991, 49.999, 50.007])) == ["49.991", "49.999", "50.007"]
 
 
 def test_the_keys_that_tell_the_most(folder: Path, tables: Tables) -> None:
