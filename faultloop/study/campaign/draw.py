@@ -6,8 +6,10 @@ So a case can be made again alone, in any order, by any number of workers.
 from __future__ import annotations
 
 import math
+import threading
 import warnings
 from collections.abc import Sequence
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,12 +42,26 @@ def described(vary: Vary) -> str:
     return text + "".join(f"; {key}: {factor:g} times that" for key, factor in vary.factor.items())
 
 
+_own = threading.local()
+
+
 def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:
-    """(places,) numbers in (0, 1), by a counter-based generator (Salmon et al., 2011: Philox)."""
-    counter = (case << 64) | attempt  # each case has 2**64 draws of its own, each attempt 2**32 blocks
-    generator = np.random.Philox(key=seed, counter=counter << 64)
+    """(places,) numbers in (0, 1), by a counter-based generator (Salmon et al., 2011: Philox): a case's are at
+    the counter (0, attempt, case, 0) of 64 bits each, the lowest first.
+    """
+    generator, state = _philox(seed)
+    state["state"]["counter"][:] = (0, attempt, case, 0)
+    generator.state = state
     raw = generator.random_raw(places) >> np.uint64(11)
     return np.asarray((raw + 0.5) * 2.0**-53, dtype=np.float64)
+
+
+def _philox(seed: int) -> tuple[np.random.Philox, Any]:
+    """This thread's generator, and its state when it was new: to make one takes ten times what its use does."""
+    if getattr(_own, "seed", None) != seed:
+        _own.seed, _own.generator = seed, np.random.Philox(key=seed)
+        _own.state = _own.generator.state
+    return _own.generator, _own.state
 
 
 class Sobol:
@@ -56,6 +72,7 @@ class Sobol:
     def __init__(self, seed: int, places: int) -> None:
         self.seed, self.places = seed, places
         self._engine: qmc.Sobol | None = None
+        self._lock = Lock()  # threads of a cluster's worker share a plan
         self._block: tuple[int, Array] = (-1, np.empty((0, places)))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -67,9 +84,11 @@ class Sobol:
     def point(self, number: int) -> Array:
         """(places,) in (0, 1)."""
         block, row = divmod(number, SOBOL_BLOCK)
-        if self._block[0] != block:
-            self._block = block, self._points(block)
-        return np.clip(self._block[1][row], 2.0**-54, 1 - 2.0**-53)
+        with self._lock:
+            if self._block[0] != block:
+                self._block = block, self._points(block)
+            point = self._block[1][row]
+        return np.clip(point, 2.0**-54, 1 - 2.0**-53)
 
     def _points(self, block: int) -> Array:
         if self._engine is None or block <= self._block[0]:  # scipy cannot go back

@@ -45,9 +45,10 @@ class Grid:
         if not self._held:
             return case
         number = int(np.searchsorted(self._ends, case, side="right"))
-        if self._block[0] != number:
-            self._block = number, self._remaining(number * BLOCK)
-        return int(self._block[1][case - (self._ends[number - 1] if number else 0)])
+        block = self._block  # which another thread may change
+        if block[0] != number:
+            block = self._block = number, self._remaining(number * BLOCK)
+        return int(block[1][case - (self._ends[number - 1] if number else 0)])
 
     def _remaining(self, begin: int) -> NDArray[np.int64]:
         numbers = np.arange(begin, min(begin + BLOCK, self.size))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,23 @@ def test_draws_of_neighbours_are_independent() -> None:
     np.fill_diagonal(correlation, 0)
     assert np.abs(correlation).max() < 5 / np.sqrt(n)
     assert len(np.unique(columns)) == columns.size
+
+
+def test_a_draw_is_philox_at_the_counter_of_its_case() -> None:
+    """As numpy has it in a new generator, whatever was drawn before, by this thread or another."""
+    asked = [(7, 10**8, 5, 0), (7, 0, 1, 3), (8, 1, 9, 999), (7, 2, 4, 0)]
+
+    def drawn() -> list[list[float]]:
+        return [uniforms(*one).tolist() for one in asked for _ in range(50)]
+
+    with ThreadPoolExecutor(4) as pool:
+        together = [task.result() for task in [pool.submit(drawn) for _ in range(8)]]
+    expected = []
+    for seed, case, places, attempt in asked:
+        raw = np.random.Philox(key=seed, counter=((case << 64) | attempt) << 64).random_raw(places)
+        expected.append(((raw >> np.uint64(11)) + 0.5) * 2.0**-53)
+    for found in (drawn(), *together):
+        assert all(np.array_equal(one, expected[place // 50]) for place, one in enumerate(found))
 
 
 @pytest.mark.parametrize(

@@ -115,7 +115,7 @@ def test_map_of_wrong_answers(results: Results) -> None:
 def test_names_of_a_map_are_apart() -> None:
     """A plot would put two of one name into one column."""
     assert _told(np.array([0.2, 0.5, 30.0])) == ["0.2", "0.5", "30"]
-    assert _told(np.array([49.991, 49.999, 50.007])) == ["49.991", "49.999", "50.007"]
+    assert _told(np.array([49.991, 49.999, 50.007])) == ["49.99", "50", "50.01"]
 
 
 def test_the_keys_that_tell_the_most(folder: Path, tables: Tables) -> None:
