@@ -46,8 +46,8 @@ _own = threading.local()
 
 
 def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:
-    """(places,) numbers in (0, 1), by a counter-based generator (Salmon et al., 2011: Philox): a case's are at
-    the counter (0, attempt, case, 0) of 64 bits each, the lowest first.
+    """(places,) numbers in (0, 1), by a counter-based generator (Salmon et al., 2011: Philox): a case's
+    are at the counter (0, attempt, case, 0) of 64 bits each, the lowest first.
     """
     generator, state = _philox(seed)
     state["state"]["counter"][:] = (0, attempt, case, 0)
@@ -57,7 +57,7 @@ def uniforms(seed: int, case: int, places: int, attempt: int) -> Array:
 
 
 def _philox(seed: int) -> tuple[np.random.Philox, Any]:
-    """This thread's generator, and its state when it was new: to make one takes ten times what its use does."""
+    """This thread's generator, and its state when it was new: to make one takes ten times its use."""
     if getattr(_own, "seed", None) != seed:
         _own.seed, _own.generator = seed, np.random.Philox(key=seed)
         _own.state = _own.generator.state
