@@ -87,7 +87,7 @@ def draw_settings(rng: np.random.Generator, estimators: tuple[str, ...]) -> dict
     """Of a relay: its scheme, its estimator, and a user's own element."""
     name = "ab-single-pole" if rng.random() < 0.3 else "ab-mho"
     data = tomllib.loads((SCENARIOS / "settings" / f"{name}.toml").read_text(encoding="utf-8"))
-    data["estimator"] = {"method": str(rng.choice(estimators))}
+    data["estimator"] = {"method": str(rng.choice(estimators)), "unsafe": True}
     if rng.random() < 0.2:
         function = str(rng.choice(["overcurrent", "counting"]))
         data["element"] = [{"name": "OWN", "function": f"own.py:{function}", "state": [0.0], "trip": False}]
@@ -104,7 +104,7 @@ def draw_primary(rng: np.random.Generator, data: dict[str, Any]) -> None:
             bank = {"line": "AB", "at_pu": float(rng.choice([0.0, 0.5, 1.0])), "x_ohm": 16.0, "mov_kv": 60.0}
             data["series_capacitor"] = [bank]
     if rng.random() < 0.2:
-        data["load"] = [{"bus": "B", "mw": 80.0, "mvar": 20.0}]
+        data["load"] = [{"name": "P", "bus": "B", "mw": 80.0, "mvar": 20.0}]
     if rng.random() < 0.2:
         own = {"ratio": [1000, 1], "model": "saturating", "vs_v": 200.0, "burden_ohm": [4.0, 0.0]}
         data["ct"] = [own | {"name": "TA", "rw_ohm": 4.0, "remanence_pu": float(rng.uniform(0.0, 0.8))}]

@@ -3,7 +3,7 @@
 numba's file cache keys on the file that holds a function, so a caller keeps the stale machine code of a
 callee that changed in another file (numba issue 1833).  The cache directory is therefore keyed by a digest
 of the kernel-bearing sources that a kernel may call (`CALLS`): ``plant`` and ``relay`` share no code, so each
-has a digest of its own; the loop's covers the whole package.
+has a digest of its own; what is called by its `Address` need not be covered.
 ``fastmath`` stays off: a trip decision must be the same bits everywhere.
 
 Without a place to keep machine code (no home, a read-only one) a folder of this user's in the temporary one
@@ -24,13 +24,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
+from llvmlite import ir
 from numba.core import config as numba_config
-from numba.core import event
+from numba.core import event, types
 from numba.core.caching import FunctionCache
+from numba.extending import intrinsic
 
 config: Any = numba_config
 PACKAGE = Path(__file__).parent
-CALLS = {"plant": ("plant",), "relay": ("relay",), "io": ("io",), "nodes": ("nodes", "io")}
+CALLS = {
+    "plant": ("plant",),
+    "relay": ("relay",),
+    "io": ("io",),
+    "nodes": ("nodes", "io"),
+    "loop": ("loop", "nodes", "io"),  # plant and relay it calls by address
+}
 """Subpackages whose kernels those of a subpackage may call; those of any other may call all."""
 
 
@@ -144,6 +152,45 @@ class _Cache(FunctionCache):
             super().save_overload(sig, data)
 
 
+class Address(types.WrapperAddressProtocol):
+    """A compiled kernel as a value that others take and call.
+
+    They are compiled without it: neither is its code compiled again within theirs, nor they when it changes.
+
+    Parameters
+    ----------
+    arguments : their numba types.
+    """
+
+    def __init__(self, kernel: Any, *arguments: Any) -> None:
+        kernel.compile(arguments)
+        self._compiled = kernel.overloads[arguments]  # kept: it owns the machine code
+        name = self._compiled.fndesc.llvm_cfunc_wrapper_name
+        self.address = int(self._compiled.library.get_pointer_to_function(name))
+
+    def __wrapper_address__(self) -> int:
+        return self.address
+
+    def signature(self) -> Any:
+        return self._compiled.signature
+
+
+@intrinsic
+def _call_step(typing_context, address, state, x, out):
+    """``step(state, x, out)`` of the `Address` of a step, which takes three arrays and returns nothing."""
+
+    def generate(context, builder, signature, arguments):
+        kinds = [context.get_value_type(kind) for kind in signature.args[1:]]
+        kind = ir.FunctionType(context.get_value_type(types.none), kinds)
+        builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(types.int64, state, x, out), generate
+
+
+call_step: Any = _call_step  # inside a kernel without the typing context
+
+
 @contextmanager
 def cache_folder(name: str) -> Iterator[None]:
     """What is decorated within is kept in this folder of the cache (numba chooses as it decorates); only
@@ -174,6 +221,12 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return kernel
 
     return decorate if function is None else decorate(function)
+
+
+def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+    """`njit` for what only kernels call: it has no entry from Python and no place in the cache, as its code
+    is in its callers'.  To make both takes longer than the kernel itself where that has a hundred arrays."""
+    return njit(function, **{"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True} | options)
 
 
 def _keep(kernel: Any, function: Callable[..., Any]) -> None:

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import dis
+import importlib
 import os
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from numba.core.dispatcher import Dispatcher
+
+import faultloop
+from faultloop.jit import CALLS
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="users and modes of POSIX")
 
@@ -48,6 +56,29 @@ def test_compilation_is_told_when_it_happens(tmp_path: Path) -> None:
         file.write_bytes(b"damaged")
     assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
     assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == [line]  # and mended
+
+
+@pytest.mark.parametrize("area", CALLS)
+def test_a_kernel_calls_only_what_its_caches_key_covers(area: str) -> None:
+    """Or it would keep the machine code of what has changed since."""
+    folder, found = Path(faultloop.__file__).parent / area, 0
+    for info in pkgutil.walk_packages([str(folder)], f"faultloop.{area}."):
+        if info.name.rpartition(".")[2] == "__main__":
+            continue
+        module = importlib.import_module(info.name)
+        for kernel in vars(module).values():
+            if isinstance(kernel, Dispatcher) and kernel.__module__ == info.name:
+                for used in _globals_of(kernel.py_func):
+                    if isinstance(used, Dispatcher) and used.__module__.startswith("faultloop."):
+                        found += 1
+                        assert used.__module__.split(".")[1] in CALLS[area], (kernel, used)
+    assert found > 5
+
+
+def _globals_of(function: Any) -> list[object]:
+    space = function.__globals__
+    loads = [i.argval for i in dis.get_instructions(function) if i.opname == "LOAD_GLOBAL"]
+    return [space[name] for name in loads if name in space]
 
 
 def test_a_cache_that_cannot_be_written(tmp_path: Path) -> None:

@@ -11,26 +11,31 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import Transport
-from faultloop.loop.ahead import Ahead
+from faultloop.loop import drive, exchange
+from faultloop.loop.drive import new_course
 from faultloop.loop.outcome import pole_names
 from faultloop.loop.pacing import Deadlines
 from faultloop.loop.recording import PLANT_EVENTS, Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.traffic import Traffic
 from faultloop.loop.warm import warm_up
-from faultloop.nodes import FOREVER, Command, Movement, with_followed_breakers
+from faultloop.nodes import Command, Movement, with_followed_breakers
+from faultloop.nodes.block import RelayBlock
 from faultloop.nodes.clock import SampleClock
 from faultloop.plant import Plant
-from faultloop.relay import Event, Relay, RelayInputs
+from faultloop.relay import Event, Relay
+from faultloop.relay.bank import bank_of
 
-BLOCK = 240
-"""Samples that plant and relays run ahead at most."""
+ROWS = 960
+"""Samples that are run before they are told, at most."""
 
 
 class ClosedLoop:
@@ -67,50 +72,76 @@ class ClosedLoop:
         self.recorder = recorder
         self.clock = SampleClock(self.plant.sampling_hz)
         self.total = self.clock.first_from(round(scenario.scenario.duration_s * 1e9))
-        self._ahead = Ahead(self.plant, self.relays)
         self._breaker_names = [b.name for b in scenario.breaker]
         self._relay_names = [place.name for place in scenario.relay]
+        self._bank = bank_of(self.relays, ROWS)
+        self._course = new_course(
+            [self.plant.closed(name) for name in self._breaker_names], len(self.relays), self.clock, ROWS
+        )
+        self._course.clock["end"] = self.total
+        self._now = self._course.clock[0]
         self._traffic = Traffic(scenario, bus, recorder, self, left_out)
-        self._away: set[int] = set()
+        for number, seat in self._traffic.seats.items():
+            self._course.breaker["seat"][number] = seat
         self._cold: list[Any] = []  # the relays' states before anything was measured
         self.deadlines = Deadlines(self.clock.ns(1))
         """Of the blocks, in a run that is paced."""
         self.interrupted = False
         self._pace = pace
         # In real time a block must not keep anybody waiting; in simulated time it may be long.
-        self._block = BLOCK if pace is None else max(1, self.clock.sampling_hz // 1000)
+        self._block = ROWS if pace is None else max(1, self.clock.sampling_hz // 1000)
 
     # -- the clock ------------------------------------------------------------------------------------------
 
     def run(self, progress: Callable[[float], None] | None = None) -> None:
         """From the first sample to the last."""
         self._begin()
-        started, ahead = time.monotonic(), self._ahead
-        while ahead.sample_count < self.total and not self.interrupted:
-            if not ahead.left:
-                self._serve_whole(self.clock.ns(ahead.sample_count))
-                ahead.make(self._length(ahead.sample_count))
-            if self._traffic.serve(self.clock.ns(ahead.sample_count + ahead.left - 1)):
-                continue  # something has acted: what is left may be nothing
-            self._take(ahead.left)
+        started = time.monotonic()
+        while self.sample_count < self.total and not self.interrupted:
+            self._run_to(min(self.sample_count + self._block, self.total))
             if progress is not None:
-                progress(ahead.sample_count / self.total)
+                progress(self.sample_count / self.total)
             if self._pace is not None:
-                self._keep_time(self.clock.ns(ahead.sample_count), started, self._pace)
-        self.simulated_ns = self.clock.ns(ahead.sample_count)
-        self._serve_whole(self.simulated_ns)
+                self._keep_time(self.clock.ns(self.sample_count), started, self._pace)
+        self.simulated_ns = self.clock.ns(self.sample_count)
         self._traffic.end(self.simulated_ns)
 
-    def _serve_whole(self, until_ns: int) -> None:
-        while self._traffic.serve(until_ns):
-            pass
+    @property
+    def sample_count(self) -> int:
+        """Number of the next sample."""
+        return int(self._now["sample"])
 
-    def _length(self, k: int) -> int:
-        """Samples of the block from `k` on.  What a relay measures is shown as it is at the end of a block:
-        none passes the next showing."""
-        shown_ns = min((node.shown_ns for node in self._traffic.relays), default=FOREVER)
-        n = min(self._block, self.total - k)
-        return n if shown_ns >= self.clock.ns(k + n) else max(1, self.clock.first_from(shown_ns) - k)
+    def _run_to(self, stop: int) -> None:
+        """Until the next sample is number `stop`, and the bus has followed to its time."""
+        self._now["stop"] = stop
+        code = 0
+        while code != drive.STOPPED:
+            code = self._follow()
+            if code == drive.ESTIMATE:
+                self._estimate()
+            elif code == drive.ORDERS:
+                self.plant.take_orders()
+            else:
+                if code != exchange.FAULT_OF_WIRE:
+                    self._tell()
+                if code not in (drive.STOPPED, drive.FLUSH):
+                    self._traffic.answer(code)
+            for relay in self.relays:
+                relay.check_elements()
+
+    def _follow(self) -> int:
+        loop = (self._course, self._traffic.x, self.plant.parts, self._bank)
+        return drive.follow(*loop, drive.kernels_for(*loop))
+
+    def _estimate(self) -> None:
+        """What the plant has made, by estimators that are not compiled."""
+        first, end = (int(self._now[key] - self._now["base"]) for key in ("sample", "made"))
+        for i, relay in enumerate(self.relays):
+            own = self._bank.relay[i]
+            if not own["step"] and not own["away"] and own["made"] <= self.sample_count:
+                samples = np.ascontiguousarray(self._course.samples[first:end, i])
+                relay.estimate(samples, self._bank.phasors[i, first:end], self._bank.loops[i, first:end])
+                own["made"] = self._now["made"]
 
     def _keep_time(self, t_ns: int, started: float, pace: float) -> None:
         """Sleep until `t_ns`; note how late it has become."""
@@ -130,42 +161,63 @@ class ClosedLoop:
             self.recorder.breaker(name, 0, self.plant.closed(name))
         for i, relay in enumerate(self.relays):
             self._record_events(i, relay.events)
-            self._set(i, 0, relay.phasors[-1])
+            self._set(i, relay)
 
-    # -- one piece ------------------------------------------------------------------------------------------
+    def _set(self, number: int, relay: Relay) -> None:
+        """Its node, as the warm-up has left it."""
+        node, outputs = self._traffic.relays[number], relay.outputs
+        node.set(0, outputs.trip_poles, outputs.close_poles, outputs.pilot)
+        node.measured[:14] = relay.phasors[-1]
+        node.measured[14] = relay.fault_location
+        relay.set_inputs(relay.inputs.breaker_closed, relay.inputs.pilot)
 
-    def _take(self, count: int) -> None:
-        """The next samples that were made have happened."""
-        piece = self._ahead.take(count)
-        last_ns = self.clock.ns(piece.first + piece.length - 1)
-        for i, part in piece.relays.items():
-            self.recorder.block(self._relay_names[i], self.clock, piece.first, part.block)
-        if piece.ends:
-            self._record_plant(last_ns)
-        for i, part in piece.relays.items():
-            self._record_events(i, part.events)
-            if part.ends:
-                self._set(i, last_ns, part.block.phasors[-1])
+    # -- what has happened ----------------------------------------------------------------------------------
 
-    def _reach(self, t_ns: int) -> None:
-        """Something happens at `t_ns`: the samples before it are as they are, those after it are not yet."""
-        count = self.clock.first_from(t_ns) - self._ahead.sample_count
-        if count > 0:
-            self._take(count)
+    def _tell(self) -> None:
+        """Everything since the last time, to the recorder, and room for more."""
+        now, bank = self._now, self._bank
+        base, sample = int(now["base"]), int(now["sample"])
+        for i, name in enumerate(self._relay_names):
+            if not bank.relay["away"][i] and sample > base:
+                block = RelayBlock.of_bank(bank, self._course.samples, i, sample - base)
+                self.recorder.block(name, self.clock, base, block)
+        told: list[tuple[int, int, Callable[[], None]]] = []
+        for event in self._traffic.events():
+            told.append((event[0], 0, partial(self._traffic.tell, event)))
+        now["heard"] = 0
+        for i in range(len(self.relays)):
+            for event in self._events_of(i, sample - base):
+                told.append((event.sample_count, 1, partial(self._record_events, i, [event])))
+        bank.notices[0] = 0
+        for _, _, tell in sorted(told, key=itemgetter(0, 1)):
+            tell()
+        self._make_room(sample - base)
 
-    def _record_plant(self, t_ns: int) -> None:
-        """Poles and faults that the block, which ends at `t_ns`, changed.
+    def _events_of(self, number: int, count: int) -> Sequence[Event]:
+        """What a relay has to tell of the samples in its first `count` rows."""
+        bank = self._bank
+        own, notices = bank.relay[number], int(bank.notices[0])
+        mine = [k for k in range(notices) if bank.notice[k, 0] == number]
+        if not own["changed"] and not mine:
+            return ()
+        own["changed"] = 0
+        told = [(int(bank.notice[k, 1]), bank.told[k : k + 1]) for k in mine]
+        return self.relays[number].told(int(self._now["base"]), bank.words[number, :count], told)
 
-        A breaker's node scans its contacts once a sample, so its frame is of the sample after the change.
-        """
-        for change in self.plant.changes:
-            if change.kind == "pole":
-                self.recorder.breaker(self._breaker_names[change.index], change.t_ns, change.value)
-                if change.index in self._traffic.breakers:
-                    self._traffic.breakers[change.index].set(t_ns, change.value)
-            else:
-                fault = self.scenario.fault[change.index]
-                self.recorder.fault(change.t_ns, change.index, fault.name, fault.type, bool(change.value))
+    def _make_room(self, count: int) -> None:
+        """The rows after the first `count` are the first ones from now on."""
+        bank, end = self._bank, int(self._now["made"] - self._now["base"])
+        for rows in (self._course.samples, *bank.phasors, *bank.loops):
+            rows[: end - count] = rows[count:end]
+        self._now["base"] += count
+
+    def changed(self, kind: str, index: int, t_ns: int, value: int) -> None:
+        """A pole or a fault of the plant has."""
+        if kind == "pole":
+            self.recorder.breaker(self._breaker_names[index], t_ns, value)
+        else:
+            fault = self.scenario.fault[index]
+            self.recorder.fault(t_ns, index, fault.name, fault.type, bool(value))
 
     def _record_events(self, number: int, events: Iterable[Event]) -> None:
         name = self._relay_names[number]
@@ -175,65 +227,39 @@ class ClosedLoop:
             if event.trip is not None:
                 self.recorder.trip(name, at_ns, event.sample_count, event.trip)
 
-    def _set(self, number: int, t_ns: int, phasors: np.ndarray) -> None:
-        """The outputs of a relay at the end of a block, `t_ns`, and what it measures there."""
-        relay, node = self.relays[number], self._traffic.relays[number]
-        outputs = relay.outputs
-        node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
-        node.measured[:14] = phasors
-        node.measured[14] = relay.fault_location
-
     def _event(self, t_ns: int, source: str, level: str, text: str, topic: str) -> None:
         self.recorder.event(topic, t_ns, level, text, source)
 
     # -- what comes from the bus ----------------------------------------------------------------------------
 
-    def take_inputs(self, relay: int, t_ns: int) -> None:
-        """A relay's node has accepted a state; mostly it says what the relay knows already."""
-        node = self._traffic.relays[relay]
-        inputs = RelayInputs(node.breaker_closed, node.pilot_received)
-        if inputs != self.relays[relay].inputs:
-            self._reach(t_ns)
-            self._ahead.settle_relay(relay)
-            self.relays[relay].inputs = inputs
-
-    def obey(self, breaker: int, command: Command) -> None:
+    def obey(self, breaker: int, command: Command, closed: int) -> None:
         """A breaker acts on an accepted command; this is the time that a trip's report states."""
         name = self._breaker_names[breaker]
-        self._reach(command.t_ns)
-        self._ahead.settle()
-        self.plant.command(name, command.operation, command.poles, command.t_ns)
         relay = self.scenario.relay[command.relay].name
-        self.recorder.breaker(name, command.t_ns, self.plant.closed(name), command.operation, relay)
+        self.recorder.breaker(name, command.t_ns, closed, command.operation, relay)
         text = f"{command.operation} poles {pole_names(command.poles)} received from {relay}"
         self._event(command.t_ns, name, "info", text, f"/breaker/{name}/events")
 
     def move(self, breaker: int, t_ns: int, movement: Movement) -> None:
         """The status of a breaker that is somebody else's moves the plant."""
         name = self._breaker_names[breaker]
-        self._reach(t_ns)
-        self._ahead.settle()
-        self.plant.command(name, movement.operation, movement.poles, t_ns)
+        self.plant.order(breaker, movement.operation == "open", movement.poles, t_ns)
         text = f"status {movement.operation}, poles {pole_names(movement.poles)}"
         self._event(t_ns, name, "info", text, f"/breaker/{name}/events")
 
     def restart(self, relay: int, t_ns: int, *, begins: bool) -> None:
         """A relay goes, or is back: cold, and remembers nothing."""
-        self._reach(t_ns)
-        self._ahead.settle()
-        if begins:
-            self._away.add(relay)
-        else:
-            self._away.discard(relay)
-            self.relays[relay].restore(self._cold[relay])
-            self.relays[relay].sample_count = self.clock.first_from(t_ns)
-        self._ahead.run_only([i for i in range(len(self.relays)) if i not in self._away])
+        own = self._bank.relay[relay]
+        own["away"], own["made"], own["last"] = begins, self.sample_count, -1
+        if not begins:
+            again = self.relays[relay]
+            again.restore(self._cold[relay])
+            again.sample_count = self.sample_count
+            again.set_inputs(again.inputs.breaker_closed, again.inputs.pilot)
 
-    def closed(self, breaker: int, t_ns: int) -> int:
+    def closed(self, breaker: int) -> int:
         """Mask of a breaker's poles that conduct."""
-        self._reach(t_ns)
-        self._ahead.settle()
-        return self.plant.closed(self._breaker_names[breaker])
+        return int(self._course.breaker["closed"][breaker])
 
 
 def _breakers_left_out(scenario: Scenario, without: Collection[str]) -> frozenset[str]:

@@ -24,7 +24,7 @@ from faultloop.io.can.arbitration import (
 )
 from faultloop.io.can.port import FINE, HEARTBEAT, encode
 from faultloop.io.can.record import FRAME, MESSAGE, Record, Records
-from faultloop.jit import njit
+from faultloop.jit import inner, njit
 from faultloop.nodes.node import MOST, TAKEN, Nodes, next_ns, poll, receive
 
 LOOK, ADVANCE, HEAR, TURN, POLL = range(5)
@@ -32,8 +32,9 @@ LOOK, ADVANCE, HEAR, TURN, POLL = range(5)
 DONE, ACTED, FAULT_OF_WIRE, RECEIVED, DUE, OFFERED, FULL = range(7)
 """Why it returns: nothing more happens until then; somebody acts; is the transmission hit?  Python is to take
 what was received; has something due; is to send what is offered; is to empty the ring or to make room."""
-FRAME_SEEN, STATE_TAKEN, REFUSED, BEAT, CONTROLLER = range(5)
+FRAME_SEEN, STATE_TAKEN, REFUSED, BEAT, CONTROLLER, POLES_CHANGED, FAULT_CHANGED = range(7)
 """Events in the ring."""
+SECOND_NS = 1_000_000_000
 RING = 512
 
 CONTROL = np.dtype(
@@ -50,6 +51,7 @@ CONTROL = np.dtype(
             "offered",  # how many messages
             "events",  # how many are in the ring
             "frames",
+            "sample",  # number of the next sample, which events are of
         )
     ]
 )
@@ -59,10 +61,24 @@ SEAT = np.dtype(
         ("away", "i8"),  # 1: it is restarting, and sends nothing
         ("deaf", "i8"),  # 1: a fault keeps it off the bus
         ("breaker", "i8"),  # 1: a state without poles does not act on it
+        ("number", "i8"),  # of the relay or breaker
         ("objection", "i8"),  # to the sealed frame that is heard now
     ]
 )
-EVENT = np.dtype([(name, "i8") for name in ("t_ns", "what", "node", "identifier", "value")])
+EVENT = np.dtype(
+    [
+        (name, "i8")
+        for name in (
+            "sample",
+            "t_ns",
+            "what",
+            "node",
+            "identifier",
+            "value",
+            "closed",
+        )  # poles before a command
+    ]
+)
 
 
 class Exchange(NamedTuple):
@@ -113,9 +129,9 @@ def serve(x: Exchange, until_ns: int) -> int:
     c = x.control[0]
     while True:
         if c.phase == LOOK:
-            due_ns = min(_next_poll_ns(x), c.python_ns, next_event_ns(x.bus))
-            c.last = due_ns > until_ns
-            c.now_ns = until_ns if c.last else due_ns
+            next_ns = due_ns(x)
+            c.last = next_ns > until_ns
+            c.now_ns = until_ns if c.last else next_ns
             c.phase = ADVANCE
         if c.phase == ADVANCE:
             if advance(x.bus, c.now_ns) == ASKS:
@@ -161,7 +177,7 @@ def hear(x: Exchange, frame: Record, sealed: bool) -> bool:
     x.counted[IDENTIFIERS if frame.extended else identifier] += 1
     if not c.quiet:
         x.frames[c.frames] = frame
-        _tell(x, t_ns, FRAME_SEEN, 0, 0, c.frames)
+        tell(x, t_ns, FRAME_SEEN, 0, 0, c.frames)
         c.frames += 1
     acted = False
     for i in range(x.seats.shape[0]):
@@ -173,23 +189,24 @@ def hear(x: Exchange, frame: Record, sealed: bool) -> bool:
         else:
             answer = receive(x.nodes, i, frame, FINE, t_ns, m)
         if answer < 0:
-            _tell(x, t_ns, REFUSED, i, identifier, -answer)
+            tell(x, t_ns, REFUSED, i, identifier, -answer)
         elif answer == TAKEN:
-            _tell(x, t_ns, STATE_TAKEN, i, m.kind + m.number, m.poles)
+            tell(x, t_ns, STATE_TAKEN, i, m.kind + m.number, m.poles)
             acted |= not seat.breaker or m.poles != 0
     return acted
 
 
-@njit
-def _next_poll_ns(x: Exchange) -> int:
-    due_ns = x.control[0].python_ns
+@inner
+def due_ns(x: Exchange) -> int:
+    """When something happens next, if nothing else does before."""
+    t_ns = min(x.control[0].python_ns, next_event_ns(x.bus))
     for i in range(x.seats.shape[0]):
         if not x.seats[i].away:
-            due_ns = min(due_ns, next_ns(x.nodes, i))
-    return due_ns
+            t_ns = min(t_ns, next_ns(x.nodes, i))
+    return t_ns
 
 
-@njit
+@inner
 def _poll(x: Exchange) -> None:
     """What the nodes have to say now, into ``offers``."""
     c = x.control[0]
@@ -204,32 +221,34 @@ def _poll(x: Exchange) -> None:
     c.offered = count
 
 
-@njit
+@inner
 def _send(x: Exchange) -> None:
     """Offer it to the bus."""
     c, frame = x.control[0], x.scratch[0][0]
     for k in range(c.offered):
         m, i = x.offers[k], x.offered_by[k]
         if m.kind == HEARTBEAT and x.nodes.node[i].refused:
-            _tell(x, c.now_ns, BEAT, i, 0, 0)
+            tell(x, c.now_ns, BEAT, i, 0, 0)
         encode(m, frame)
         submit(x.bus, frame, c.now_ns, x.seats[i].sender)
     c.offered = 0
 
 
-@njit
+@inner
 def _tell_controllers(x: Exchange) -> None:
     w = x.bus.wire[0]
     for k in range(w.changes):
         change = x.bus.changes[k]
-        _tell(x, change.t_ns, CONTROLLER, change.sender, 0, change.state)
+        tell(x, change.t_ns, CONTROLLER, change.sender, 0, change.state)
     w.changes = 0
 
 
-@njit
-def _tell(x: Exchange, t_ns: int, what: int, node: int, identifier: int, value: int) -> None:
+@inner
+def tell(x: Exchange, t_ns: int, what: int, node: int, identifier: int, value: int) -> None:
+    """Into the ring."""
     c = x.control[0]
     event = x.events[c.events]
+    event.sample = c.sample
     event.t_ns = t_ns
     event.what = what
     event.node = node
@@ -238,7 +257,7 @@ def _tell(x: Exchange, t_ns: int, what: int, node: int, identifier: int, value: 
     c.events += 1
 
 
-@njit
+@inner
 def _has_room(x: Exchange) -> bool:
     """For what all that is received now, and all that is sent, may tell."""
     c, w, n = x.control[0], x.bus.wire[0], x.seats.shape[0]

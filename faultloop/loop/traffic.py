@@ -40,12 +40,8 @@ CAN_EVENTS = "/can/events"
 class Acts(Protocol):
     """What is done to plant and relays by what comes from the bus."""
 
-    def take_inputs(self, relay: int, t_ns: int) -> None:
-        """A relay's node has accepted a state."""
-        ...
-
-    def obey(self, breaker: int, command: Command) -> None:
-        """A breaker's node has accepted a command."""
+    def obey(self, breaker: int, command: Command, closed: int) -> None:
+        """A breaker's node has accepted a command, with these poles closed; the plant has it already."""
         ...
 
     def move(self, breaker: int, t_ns: int, movement: Movement) -> None:
@@ -56,8 +52,12 @@ class Acts(Protocol):
         """A relay goes, or is back and remembers nothing."""
         ...
 
-    def closed(self, breaker: int, t_ns: int) -> int:
+    def closed(self, breaker: int) -> int:
         """Mask of the poles that conduct."""
+        ...
+
+    def changed(self, kind: str, index: int, t_ns: int, value: int) -> None:
+        """A pole or a fault of the plant has."""
         ...
 
 
@@ -87,7 +87,7 @@ class Traffic:
         self.relays = [self._relay_node(i) for i in range(len(scenario.relay))]
         self.breakers = {i: self._breaker_node(i, 0) for i in breakers}
         self._followers = {
-            i: breaker_follower(scenario, i, acts.closed(i, 0), self._report_of("breaker", breaker.name))
+            i: breaker_follower(scenario, i, acts.closed(i), self._report_of("breaker", breaker.name))
             for i, breaker in enumerate(scenario.breaker)
             if breaker.name in left_out
         }
@@ -100,16 +100,19 @@ class Traffic:
         self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
         self._edges = Edges(scenario.bus_fault)
         self._sealed = scenario.keys_path is not None
-        self._x = exchange.new_exchange(joined(self._seats), bus.model.state)
-        self._control = self._x.control[0]
+        self.seats = {number: len(self.relays) + k for k, number in enumerate(self.breakers)}
+        """The place of each breaker's node."""
+        self.x = exchange.new_exchange(joined(self._seats), bus.model.state)
+        self._control = self.x.control[0]
         self._control["quiet"] = recorder.counts is not None
         self._control["sends"] = self._sealed or bool(scenario.bus_fault)
         alone = bus.bus is None
         self._control["hears"] = (
             2 if not alone else int(self._sealed or bool(self._attackers) or bool(self._followers))
         )
-        for seat, name, breaker in zip(self._x.seats, self._names, self._are_breakers(), strict=True):
+        for seat, name, breaker in zip(self.x.seats, self._names, self._are_breakers(), strict=True):
             seat["sender"], seat["breaker"] = bus.model.number_of(name), breaker
+        self.x.seats["number"] = self._numbers
         self._renew()
 
     def _are_breakers(self) -> list[bool]:
@@ -121,7 +124,7 @@ class Traffic:
 
     def _breaker_node(self, number: int, start_ns: int) -> BreakerNode:
         report = self._report_of("breaker", self.scenario.breaker[number].name)
-        closed = self._acts.closed(number, start_ns)
+        closed = self._acts.closed(number)
         return breaker_node(self.scenario, number, closed, report, start_ns=start_ns)
 
     def _report_of(self, kind: str, name: str) -> Report:
@@ -132,39 +135,29 @@ class Traffic:
 
     # -- time passes ----------------------------------------------------------------------------------------
 
-    def serve(self, until_ns: int) -> bool:
-        """Send what is due and deliver what arrives up to and including `until_ns`, in order of time; True
-        where it stops before, since something was done to plant or relays."""
-        while True:
-            code = exchange.serve(self._x, until_ns)
-            now_ns = int(self._control["now_ns"])
-            if code == exchange.DONE or code == exchange.ACTED:
-                self._empty_ring()
-                return code == exchange.ACTED
-            if code == exchange.FAULT_OF_WIRE:
-                self.bus.model.answer()
-                continue
-            self._empty_ring()
-            acted = False
-            if code == exchange.RECEIVED:
-                acted = self._receive(now_ns)
-            elif code == exchange.DUE:
-                acted = self._turn(now_ns)
-            elif code == exchange.OFFERED:
-                self._send(now_ns)
-            self._renew()
-            if acted:
-                return True
+    def answer(self, code: int) -> None:
+        """Do what the exchange has stopped for; what it has told before was taken."""
+        if code == exchange.FAULT_OF_WIRE:
+            self.bus.model.answer()
+            return
+        now_ns = int(self._control["now_ns"])
+        if code == exchange.RECEIVED:
+            self._receive(now_ns)
+        elif code == exchange.DUE:
+            self._turn(now_ns)
+        elif code == exchange.OFFERED:
+            self._send(now_ns)
+        self._renew()
 
     def _renew(self) -> None:
         """What Python has done may be due earlier, and the bus may have more room."""
         due = [self._senders.next_ns, self._edges.next_ns, *(a.next_ns for a in self._attackers)]
         self._control["python_ns"] = min(due)
-        self.bus.model.reserve(len(self._x.offers))
-        self._x = self._x._replace(bus=self.bus.model.state)
+        self.bus.model.reserve(len(self.x.offers))
+        self.x = self.x._replace(bus=self.bus.model.state)
 
     def _send(self, t_ns: int) -> None:
-        x, control = self._x, self._control
+        x, control = self.x, self._control
         for k in range(control["offered"]):
             seat = int(x.offered_by[k])
             frame = self._seats[seat].wired(t_ns, x.offers, k)
@@ -174,9 +167,9 @@ class Traffic:
             for frame in attacker.poll(t_ns):
                 self._senders.send_one(t_ns, frame, attacker.name)
 
-    def _receive(self, now_ns: int) -> bool:
+    def _receive(self, now_ns: int) -> None:
         """What was received goes to the nodes, and to whom only Python knows."""
-        x, acted = self._x, False
+        x = self.x
         scratch = x.scratch[0]
         for t_ns, frame, sender in self.bus.shared(self.bus.model.received()):
             put(scratch, 0, frame)
@@ -186,75 +179,70 @@ class Traffic:
                     if not self._is_deaf(seat, now_ns):
                         x.seats["objection"][seat], plain = node.opened(t_ns, frame)
                         put(x.plain, seat, plain)
-            acted |= exchange.hear(x, scratch[0], self._sealed)
-            self._empty_ring()
+            exchange.hear(x, scratch[0], self._sealed)
             for attacker in self._attackers:
                 attacker.receive(t_ns, frame)
             for number, follower in self._followers.items():
                 for movement in follower.receive(t_ns, frame):
                     self._acts.move(number, t_ns, movement)
-                    acted = True
-        return acted
 
     def _is_deaf(self, seat: int, t_ns: int) -> bool:
-        return bool(self._x.seats["deaf"][seat]) or self._names[seat] in self.bus.bus_off(t_ns)
+        return bool(self.x.seats["deaf"][seat]) or self._names[seat] in self.bus.bus_off(t_ns)
 
     # -- what there is to tell ------------------------------------------------------------------------------
 
-    def _empty_ring(self) -> None:
-        control = self._control
-        count = int(control["events"])
-        control["events"] = 0
-        for t_ns, what, node, identifier, value in self._x.events[:count].tolist():
-            if what == exchange.FRAME_SEEN:
-                frame = Frame(*taken(self._x.frames, value))
-                sender = self.bus.model.sender(int(self._x.frames["sender"][value]))
-                direction = "tx" if sender in self._names else "rx"
-                self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
-            elif what == exchange.STATE_TAKEN:
-                self._act(t_ns, node, identifier, value)
-            elif what == exchange.REFUSED:
-                self._seats[node].refusals.add(t_ns, identifier, REJECTIONS[value - 1])
-            elif what == exchange.BEAT:
-                self._seats[node].refusals.beat(t_ns)
-            else:
-                sender = self.bus.model.sender(node)
-                self.recorder.event(CAN_EVENTS, t_ns, "warning", f"is {STATES[value]}", str(sender))
-        control["frames"] = 0
+    def events(self) -> list[tuple[int, ...]]:
+        """What has happened since, each to be handed to `tell` before anything else does; it begins with the
+        number of the sample that it was before, or in whose interval."""
+        count = int(self._control["events"])
+        self._control["events"] = self._control["frames"] = 0
+        return self.x.events[:count].tolist()
 
-    def _act(self, t_ns: int, seat: int, identifier: int, poles: int) -> None:
-        number = self._numbers[seat]
-        if isinstance(self._seats[seat], RelayNode):
-            self._acts.take_inputs(number, t_ns)
-        elif poles:
-            operation = "open" if identifier & ~0xF == Kind.TRIP else "close"
-            self._acts.obey(number, Command(t_ns, operation, poles, identifier & 0xF))
+    def tell(self, event: tuple[int, ...]) -> None:
+        """Of one of the events."""
+        _, t_ns, what, node, identifier, value, closed = event
+        if what == exchange.FRAME_SEEN:
+            frame = Frame(*taken(self.x.frames, value))
+            sender = self.bus.model.sender(int(self.x.frames["sender"][value]))
+            direction = "tx" if sender in self._names else "rx"
+            self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
+        elif what == exchange.STATE_TAKEN:
+            if value and isinstance(self._seats[node], BreakerNode):
+                operation = "open" if identifier & ~0xF == Kind.TRIP else "close"
+                command = Command(t_ns, operation, value, identifier & 0xF)
+                self._acts.obey(self._numbers[node], command, closed)
+        elif what == exchange.REFUSED:
+            self._seats[node].refusals.add(t_ns, identifier, REJECTIONS[value - 1])
+        elif what == exchange.BEAT:
+            self._seats[node].refusals.beat(t_ns)
+        elif what == exchange.CONTROLLER:
+            sender = self.bus.model.sender(node)
+            self.recorder.event(CAN_EVENTS, t_ns, "warning", f"is {STATES[value]}", str(sender))
+        else:
+            self._acts.changed("pole" if what == exchange.POLES_CHANGED else "fault", node, t_ns, value)
 
     # -- faults on the bus ----------------------------------------------------------------------------------
 
-    def _turn(self, t_ns: int) -> bool:
-        """Faults begin or end, and late frames go to the bus; True where a node went or came back."""
-        acted = False
+    def _turn(self, t_ns: int) -> None:
+        """Faults begin or end, and late frames go to the bus."""
         for edge in self._edges.due(t_ns):
-            acted |= self._turned(edge)
+            self._turned(edge)
         self._senders.release(t_ns)
-        return acted
 
-    def _turned(self, edge: Edge) -> bool:
+    def _turned(self, edge: Edge) -> None:
         t_ns, fault = edge.t_ns, edge.fault
         self._tell(t_ns, fault, "begins" if edge.begins else "is over")
         for seat, name in enumerate(self._names):
-            self._x.seats["deaf"][seat] = self._senders.silent(name, t_ns)
+            self.x.seats["deaf"][seat] = self._senders.silent(name, t_ns)
         if fault.kind != "restart" or fault.node not in self._names:
-            return False
+            return
         seat = self._names.index(fault.node)
         number, node = self._numbers[seat], self._seats[seat]
-        self._x.seats["away"][seat] = edge.begins
+        self.x.seats["away"][seat] = edge.begins
         if isinstance(node, RelayNode):
             self._acts.restart(number, t_ns, begins=edge.begins)
         if not edge.begins:
             self._rejoin(t_ns, seat)
-        return True
 
     def _rejoin(self, t_ns: int, seat: int) -> None:
         """A node starts anew and remembers nothing; a breaker's poles are as they are."""
@@ -264,12 +252,12 @@ class Traffic:
         else:
             node = self.breakers[number] = self._breaker_node(number, t_ns)
         self._seats[seat] = node
-        replaced(self._x.nodes, seat, node)
+        replaced(self.x.nodes, seat, node)
 
     def end(self, t_ns: int) -> None:
         """The run is over."""
         if self.recorder.counts is not None:
-            self.recorder.counts(self._x.counted)
+            self.recorder.counts(self.x.counted)
         for fault in self.scenario.bus_fault:
             if end_ns(fault) > t_ns:
                 self._tell(t_ns, fault, "still there at the end of the run")

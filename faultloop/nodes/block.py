@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.relay import Relay
+from faultloop.relay.bank import Bank
 
 Array = NDArray[np.float64]
 
@@ -26,9 +27,9 @@ class RelayBlock(NamedTuple):
         """The relay's last `advance`, over `samples`; the relay's next one overwrites it."""
         return cls(samples, relay.phasors, relay.loops, relay.pickup, relay.operate)
 
-    def piece(self, start: int, stop: int) -> RelayBlock:
-        """Rows `start` to `stop`."""
-        part = slice(start, stop)
-        return RelayBlock(
-            self.samples[part], self.phasors[part], self.loops[part], self.pickup[part], self.operate[part]
-        )
+    @classmethod
+    def of_bank(cls, bank: Bank, samples: Array, relay: int, count: int) -> RelayBlock:
+        """The first ``count`` rows of one relay in a bank, which are overwritten when it goes on."""
+        words = bank.words[relay, :count]
+        phasors, loops = bank.phasors[relay, :count], bank.loops[relay, :count]
+        return cls(samples[:count, relay], phasors, loops, words[:, 0], words[:, 1])

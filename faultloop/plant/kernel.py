@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.jit import njit
+from faultloop.jit import inner
 from faultloop.plant.elements import Floats, Ints
 from faultloop.plant.elements.bergeron import (
     wave_currents,
@@ -61,7 +61,7 @@ class Watch(NamedTuple):
     (from the trial), 0.0 where it is its start"""
 
 
-@njit
+@inner
 def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEnds, samples: Floats) -> bool:
     """Steps to the clock's ``STOP``, with each sample due put in ``samples`` (rows, relays, 6).  True where
     an armed pole's current crossed zero: then the last step is on trial, and has not been delivered."""
@@ -110,7 +110,7 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
     return False
 
 
-@njit
+@inner
 def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     """One step in which switches act, ``factor`` being the matrix after it, at ``watch.instant`` (0 .. 1) of
     the step; the state is the one at that instant, and is kept.  True where an armed pole's current has a
@@ -156,7 +156,7 @@ def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     return crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero)
 
 
-@njit
+@inner
 def go_back(state: State, watch: Watch, share: float) -> None:
     """From the end of a step on trial into it, to a share (0 .. 1) of the way from the state kept, by linear
     interpolation: good for currents of inductances and voltages of capacitances, all that Euler steps look
@@ -168,7 +168,7 @@ def go_back(state: State, watch: Watch, share: float) -> None:
     between(state.old_current, state.current, share)
 
 
-@njit
+@inner
 def copy(a: Floats, b: Floats) -> None:
     """b = a, by rows of three: a slice assignment takes a second to compile."""
     for i in range(a.shape[0]):
@@ -176,7 +176,7 @@ def copy(a: Floats, b: Floats) -> None:
             b[i, p] = a[i, p]
 
 
-@njit
+@inner
 def between(a: Floats, b: Floats, share: float) -> None:
     """b becomes the point on the line from a (0) to b (1)."""
     for i in range(a.shape[0]):
@@ -184,7 +184,7 @@ def between(a: Floats, b: Floats, share: float) -> None:
             b[i, p] = a[i, p] + share * (b[i, p] - a[i, p])
 
 
-@njit
+@inner
 def arrive(
     net: Network, factor: Factor, state: State, watch: Watch, front: FrontEnds, samples: Floats
 ) -> None:

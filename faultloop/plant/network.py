@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from faultloop.jit import inner, njit
 from faultloop.plant.circuit import Circuit
 from faultloop.plant.elements import GROUND, Floats, Ints, circulant
 from faultloop.plant.elements.bergeron import Waves, wave_constants
@@ -30,6 +32,50 @@ class Network(NamedTuple):
     varistor: Varistors
     switch_bus: Ints
     """(switches, 2) rows of v"""
+
+
+class Matrix(NamedTuple):
+    """The conductance matrix without its switches, and what each of these adds."""
+
+    diagonal: Floats
+    """(buses, 9)"""
+    lower: Floats
+    """(blocks, 9)"""
+    stamp: Ints
+    """(switches, 3) rows of v, and the block between them; -1: there is none"""
+    conductance: Floats
+    """(switches, 8, 9) by the mask of conducting poles [S]"""
+
+
+@njit
+def refactor(net: Network, matrix: Matrix, masks: Ints, factor: Factor) -> None:
+    """``factor`` becomes that of the state in which each switch's poles ``masks`` conduct."""
+    diagonal, lower = factor.inverse, factor.lower
+    buses = diagonal.shape[0]
+    copy_blocks(matrix.diagonal, diagonal)
+    copy_blocks(matrix.lower, lower)
+    for s in range(masks.shape[0]):
+        y = matrix.conductance[s, masks[s]]
+        k, m, at = matrix.stamp[s, 0], matrix.stamp[s, 1], matrix.stamp[s, 2]
+        for c in range(9):
+            factor.switch[s, c] = y[c]
+            if k < buses:
+                diagonal[k, c] += y[c]
+            if m < buses:
+                diagonal[m, c] += y[c]
+            if at >= 0:
+                lower[at, c] -= y[c]
+    factorize(net.structure, diagonal, lower)
+    if net.varistor.bus.shape[0] > 0:
+        respond(net.structure, factor, net.varistor.bus)
+
+
+@inner
+def copy_blocks(a: Floats, b: Floats) -> None:
+    """b = a, (n, 9): a slice assignment takes a second to compile."""
+    for i in range(a.shape[0]):
+        for c in range(9):
+            b[i, c] = a[i, c]
 
 
 class Model:
@@ -69,25 +115,29 @@ class Model:
                 [[self.row[s.start], self.row[s.end]] for s in circuit.switches], dtype=np.int64
             ).reshape(-1, 2),
         )
-        self._fixed = self._fixed_part()
-        self._factors: dict[tuple[int, ...], Factor] = {}
+        self.matrix = Matrix(*self._fixed_part(), self._stamps(), self._conductances())
 
-    def factor(self, masks: tuple[int, ...]) -> Factor:
-        """The matrix with the given poles of each switch conducting (A = 1, B = 2, C = 4), factored once."""
-        if masks not in self._factors:
-            diagonal, lower = (part.copy() for part in self._fixed)
-            switch = np.zeros((len(masks), 9))
-            for i, (s, mask) in enumerate(zip(self.circuit.switches, masks, strict=True)):
-                y = s.conductance(mask)
-                switch[i] = y.ravel()
-                self._stamp(diagonal, lower, self.row[s.start], self.row[s.end], y)
-            factorize(self.structure, diagonal, lower)
-            varistors = self.network.varistor.bus
-            response = np.zeros((len(varistors), 3, self.bus_count, 3))
-            self._factors[masks] = factor = Factor(diagonal, lower, switch, response)
-            if len(varistors):
-                respond(self.structure, factor, varistors)
-        return self._factors[masks]
+    def factor(self, masks: Sequence[int] | Ints) -> Factor:
+        """The matrix with the given poles of each switch conducting (A = 1, B = 2, C = 4)."""
+        factor = self.new_factors(())
+        refactor(self.network, self.matrix, np.array(masks, dtype=np.int64), factor)
+        return factor
+
+    def new_factors(self, many: tuple[int, ...]) -> Factor:
+        """Room for factors, ``many`` of them: an array of each part."""
+        n, varistors = self.bus_count, len(self.network.varistor.bus)
+        parts = ((n, 9), (len(self.structure.row), 9), (len(self.circuit.switches), 9), (varistors, 3, n, 3))
+        return Factor(*(np.empty((*many, *part)) for part in parts))
+
+    def _conductances(self) -> Floats:
+        return np.array([s.conductances() for s in self.circuit.switches]).reshape(-1, 8, 9)
+
+    def _stamps(self) -> Ints:
+        stamps = []
+        for start, end in self.network.switch_bus.tolist():
+            between = max(start, end) < self.bus_count
+            stamps.append((start, end, self._block(start, end) if between else -1))
+        return np.array(stamps, dtype=np.int64).reshape(-1, 3)
 
     def _couple(self) -> Couplings:
         """The coupled elements' constants; each branch's own zero mode becomes that of the pair."""
@@ -132,6 +182,8 @@ class Model:
         if k == m:
             diagonal[k] += 2 * y.ravel()
         elif max(k, m) < self.bus_count:
-            first, last = self.structure.pointer[min(k, m) : min(k, m) + 2]
-            at = first + int(np.searchsorted(self.structure.row[first:last], max(k, m)))
-            lower[at] += y.ravel()
+            lower[self._block(k, m)] += y.ravel()
+
+    def _block(self, k: int, m: int) -> int:
+        first, last = self.structure.pointer[min(k, m) : min(k, m) + 2].tolist()
+        return first + int(np.searchsorted(self.structure.row[first:last], max(k, m)))

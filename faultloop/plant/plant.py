@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError, nearest
-from faultloop.plant import kernel
+from faultloop.plant.advance import advance
 from faultloop.plant.breaker import Breaker
 from faultloop.plant.build import circuit_of
 from faultloop.plant.component import PlantTables
-from faultloop.plant.elements.switch import POLE_BITS, Action, Kind, poles
+from faultloop.plant.elements import Floats, Ints
+from faultloop.plant.elements.switch import Action, Kind
 from faultloop.plant.frontend import (
     FrontEnds,
     analog_shapes,
@@ -23,19 +24,24 @@ from faultloop.plant.frontend import (
     magnetize,
     settle,
 )
-from faultloop.plant.kernel import PENDING, ROW, STEP, STOP, Watch
+from faultloop.plant.kernel import STEP, Watch
 from faultloop.plant.line import Line
-from faultloop.plant.mechanism import commanded
-from faultloop.plant.network import Model
+from faultloop.plant.mechanism import row_of, take_in_python
+from faultloop.plant.network import Model, Network
 from faultloop.plant.probe import Probe
-from faultloop.plant.state import State, fill, new_state, renew_switch_currents
+from faultloop.plant.state import State, fill, new_state
 from faultloop.plant.steady import ROTATION, Steady, steady_states
+from faultloop.plant.switches import (
+    ROOM,
+    Switches,
+    new_switches,
+    put_actions,
+    saved_actions,
+)
 
 NS = 1_000_000_000
 SLIPPING = 0.1
 """A source that is off the nominal frequency by less than this share is a system that slips."""
-SAME_INSTANT = 1e-6
-"""Current zeros closer than this, in steps, are one instant: poles in series open together."""
 
 
 @dataclass(frozen=True)
@@ -52,12 +58,22 @@ class Change:
 class PlantState(NamedTuple):
     """What `Plant.save` returns."""
 
-    buffer: NDArray[np.float64]
-    clock: NDArray[np.int64]
+    buffer: Floats
+    clock: Ints
     armed: NDArray[np.bool_]
-    masks: tuple[int, ...]
-    actions: tuple[Action, ...]
+    masks: Ints
+    actions: Ints
     sample_count: int
+
+
+class PlantParts(NamedTuple):
+    """What `advance` works on."""
+
+    net: Network
+    state: State
+    watch: Watch
+    front: FrontEnds
+    switches: Switches
 
 
 class Plant:
@@ -90,29 +106,31 @@ class Plant:
         self.tables = tables
         self.sampling_hz = tables.system.sampling_hz
         self.steps_per_sample = tables.system.steps_per_sample
-        self.sample_count = 0
         self.changes: list[Change] = []
         circuit = circuit_of(tables)
         self._rate = circuit.rate
         self._model = Model(circuit)
         self._breakers = {breaker.name: breaker for breaker in tables.all(Breaker)}
-        self._seen_as = _numbered([switch.kind for switch in circuit.switches])
-        self._front = self._front_ends()
-        self._buffer, self._state = _new_state(self._model, self._front)
-        switches = len(circuit.switches)
-        self._watch = Watch(
+        front = self._front_ends()
+        self._buffer, state = _new_state(self._model, front)
+        count = len(circuit.switches)
+        watch = Watch(
             clock=np.array([0, self.steps_per_sample, 0, 0, 1], dtype=np.int64),
-            armed=np.zeros((switches, 3), dtype=np.bool_),
-            zero=np.zeros((switches, 3)),
+            armed=np.zeros((count, 3), dtype=np.bool_),
+            zero=np.zeros((count, 3)),
             instant=np.zeros(2),
         )
-        self._masks = tuple(7 if s.closed else 0 for s in circuit.switches)
-        self._factor = self._model.factor(self._masks)
         steady = steady_states(self._model)
-        self._settle(steady)
+        self._settle(steady, front, state)
         planned = [item.actions(self._model, steady) for item in tables.items()]
-        self._actions = tuple(action for actions, _ in planned for action in actions)
+        actions = [action for actions, _ in planned for action in actions]
         self.notes = circuit.notes + [note for _, notes in planned for note in notes]
+        breakers = [
+            (self._switch_of(name), round(own.close_ms * 1e6), round(own.operate_ms * 1e6))
+            for name, own in self._breakers.items()
+        ]
+        switches = new_switches(self._model, actions, breakers, self.sampling_hz)
+        self.parts = PlantParts(self._model.network, state, watch, front, switches)
         self._samples = np.empty((0, len(tables.relay), 6))
         self.samples = self._samples
 
@@ -125,26 +143,21 @@ class Plant:
             raise ValueError(f"advance needs n >= 1, not {n}")
         if len(self._samples) < n:
             self._samples = np.empty((n, len(self.tables.relay), 6))
-        clock, network = self._watch.clock, self._model.network
-        clock[ROW] = 0
-        self.changes = []
-        end = (self.sample_count + n - 1) * self.steps_per_sample
-        while clock[STEP] < end or clock[PENDING]:
-            now = int(clock[STEP])
-            due = [action for action in self._actions if action.step <= now < end]
-            if due and not clock[PENDING]:
-                self._actions = tuple(action for action in self._actions if action.step > now)
-                self._act(due)
-            else:
-                clock[STOP] = min([end, *(a.step for a in self._actions)])
-                if kernel.run(network, self._factor, self._state, self._watch, self._front, self._samples):
-                    self._open_at_zero()
-            if self.changes:
-                end = min(end, -(-int(clock[STEP]) // self.steps_per_sample) * self.steps_per_sample)
-        m = int(clock[ROW])
-        self.sample_count += m
+        control = self._control
+        control["row"], control["wanted"], control["foresees"] = 0, n, 0
+        m = advance(*self.parts, self._samples)
+        told = self.parts.switches.change[: int(control["changes"])].tolist()
+        self.changes = [Change(t, "pole" if is_pole else "fault", i, v) for t, is_pole, i, v in told]
         self.samples = self._samples[:m]
         return m
+
+    @property
+    def sample_count(self) -> int:
+        return int(self._control["sample"])
+
+    @property
+    def _control(self) -> Any:
+        return self.parts.switches.control[0]
 
     def history(self, n: int) -> NDArray[np.float64]:
         """The ``n`` samples before sample 0, (n, relays, 6), of the steady state that the run begins in.
@@ -156,7 +169,7 @@ class Plant:
         values = np.zeros((n, len(self.tables.relay), 6))
         for angle, phasors in self._standing():
             values += (phasors * np.exp(1j * angle * steps)).real
-        convert_block(self._front, -n, values, values)
+        convert_block(self.parts.front, -n, values, values)
         return values
 
     def _standing(self) -> list[tuple[float, NDArray[np.complex128]]]:
@@ -181,89 +194,66 @@ class Plant:
             )
         if t_ns < self._now_ns():
             raise ValueError(f"a command at {t_ns} ns comes too late: the plant is at {self._now_ns()} ns")
-        switch, settings = self._switch_of(breaker), self._breakers[breaker]
-        delay = settings.operate_ms if action == "open" else settings.close_ms
-        step = max(self._step_at(t_ns + round(delay * 1e6)), int(self._watch.clock[STEP]))
-        kind = "part" if action == "open" else "make"
-        self._actions = commanded(self._actions, Action(step, kind, switch, poles_mask))
+        self.make_room()
+        self.order(list(self._breakers).index(breaker), action == "open", poles_mask, t_ns)
+
+    def order(self, breaker: int, opens: bool, poles: int, t_ns: int) -> None:
+        """`command`, unchecked, where the plant may have run ahead of it; ``breaker`` by its number."""
+        switches = self.parts.switches
+        switch, close_ns, open_ns = switches.breaker[breaker].tolist()
+        at_ns = t_ns + (open_ns if opens else close_ns)
+        step = max(-(-at_ns * self._rate // NS), int(self.parts.watch.clock[STEP]))
+        action = np.array(row_of(Action(step, "part" if opens else "make", switch, poles)))
+        self._control["actions"] = take_in_python(switches.pending, int(self._control["actions"]), action)
+
+    def take_orders(self) -> None:
+        """What the compiled loop has ordered, where it waits for room."""
+        self.make_room()
+        for t_ns, breaker, opens, poles in self.parts.switches.order[: int(self._control["orders"])].tolist():
+            self.order(breaker, bool(opens), poles, t_ns)
+        self._control["orders"] = 0
+        self.make_room()
+
+    def make_room(self) -> None:
+        """For `ROOM` more commands."""
+        switches = self.parts.switches
+        if int(self._control["actions"]) + ROOM > len(switches.pending):
+            pending = np.concatenate([switches.pending, np.zeros_like(switches.pending)])
+            change = np.zeros(2 * len(switches.change), switches.change.dtype)
+            self.parts = self.parts._replace(switches=switches._replace(pending=pending, change=change))
 
     def closed(self, breaker: str) -> int:
         """Mask of the breaker's conducting poles, now."""
         if breaker not in self._breakers:
             raise InputError(f"there is no breaker '{breaker}'; {nearest(breaker, self._breakers)}")
-        return self._masks[self._switch_of(breaker)]
+        return int(self.parts.switches.masks[self._switch_of(breaker)])
 
     def save(self) -> PlantState:
         """A copy of everything that changes."""
-        watch = self._watch
+        watch, switches = self.parts.watch, self.parts.switches
         return PlantState(
             self._buffer.copy(),
             watch.clock.copy(),
             watch.armed.copy(),
-            self._masks,
-            self._actions,
+            switches.masks.copy(),
+            saved_actions(switches),
             self.sample_count,
         )
 
     def restore(self, state: PlantState) -> None:
         """Back to a saved state; what follows is the same to the bit."""
         self._buffer[:] = state.buffer
-        self._watch.clock[:] = state.clock
-        self._watch.armed[:] = state.armed
-        self._masks, self._actions, self.sample_count = state.masks, state.actions, state.sample_count
-        self._factor = self._model.factor(self._masks)
+        self.parts.watch.clock[:] = state.clock
+        self.parts.watch.armed[:] = state.armed
+        self.parts.switches.masks[:] = state.masks
+        put_actions(self.parts.switches, state.actions)
+        self._control["sample"] = state.sample_count
         self.changes = []
 
     @property
     def probe(self) -> Probe:
         """Any voltage and current of the network, now."""
-        return Probe(self._model, self._factor, self._state)
-
-    # ------------------------------------------------------------------ switching
-
-    def _act(self, due: list[Action]) -> None:
-        """Does what is due at the present step; where something began to conduct, takes the step with it."""
-        masks = list(self._masks)
-        for action in due:
-            which = poles(action.mask)
-            if action.kind == "part":
-                self._watch.armed[action.switch] |= which & poles(masks[action.switch])
-            else:
-                self._watch.armed[action.switch] &= ~which
-                masks[action.switch] |= action.mask
-        if tuple(masks) != self._masks:
-            renew_switch_currents(self._model, self._factor, self._state)
-            self._watch.instant[:] = 0
-            self._change(tuple(masks))
-            if kernel.commutate(self._model.network, self._factor, self._state, self._watch):
-                self._open_at_zero()
-
-    def _open_at_zero(self) -> None:
-        """Takes the trial step back to its first current zero, opens the poles that have it there, and goes
-        to the step's end; as often as there is a zero."""
-        watch = self._watch
-        again = True
-        while again:
-            first = watch.zero[watch.zero >= 0].min()
-            opening = (watch.zero >= 0) & (watch.zero <= first + SAME_INSTANT)
-            watch.armed[:] &= ~opening
-            kernel.go_back(self._state, watch, first)
-            bits = opening @ POLE_BITS
-            self._change(tuple(m & ~int(b) for m, b in zip(self._masks, bits, strict=True)))
-            again = kernel.commutate(self._model.network, self._factor, self._state, watch)
-
-    def _change(self, masks: tuple[int, ...]) -> None:
-        """From ``watch.instant`` of the present step on, the conducting poles are ``masks``."""
-        step, instant = int(self._watch.clock[STEP]), float(self._watch.instant[0])
-        t_ns = step * NS // self._rate if instant == 0 else math.floor((step + instant) * NS / self._rate)
-        for switch, (old, new) in enumerate(zip(self._masks, masks, strict=True)):
-            kind, index = self._seen_as[switch]
-            if kind == "pole" and old != new:
-                self.changes.append(Change(t_ns, kind, index, new))
-            elif kind == "fault" and bool(old) != bool(new):
-                self.changes.append(Change(t_ns, kind, index, int(bool(new))))
-        self._masks = masks
-        self._factor = self._model.factor(masks)
+        return Probe(self._model, self._model.factor(self.parts.switches.masks), self.parts.state)
 
     def _switch_of(self, breaker: str) -> int:
         return self._model.circuit.number[Breaker.table, breaker]
@@ -283,10 +273,9 @@ class Plant:
             terms.append([(circuit.current_row(kind, i), sign) for kind, i, sign in parts])
         return front_ends(self.tables, bus, terms, float(self._rate))
 
-    def _settle(self, steady: list[Steady]) -> None:
+    def _settle(self, steady: list[Steady], front: FrontEnds, state: State) -> None:
         """The state of an eternal run at step 0."""
-        fill(self._model, steady, self._state)
-        front = self._front
+        fill(self._model, steady, state)
         self._before: list[tuple[float, NDArray[np.complex128]]] = []
         for s in steady:
             x = np.zeros((len(self.tables.relay), 6), dtype=complex)
@@ -294,20 +283,11 @@ class Plant:
                 x[i, :3] = s.v[front.bus[i]] * ROTATION
                 span = slice(front.pointer[i], front.pointer[i + 1])
                 x[i, 3:] = (front.sign[span] * s.current[front.term[span]]).sum() * ROTATION
-            self._before.append((s.angle, settle(front, self._state.analog, x, s.angle)))
-        magnetize(front, self._state.analog, self.tables)
-
-    def _step_at(self, t_ns: int) -> int:
-        """The first step at or after a time."""
-        return -(-t_ns * self._rate // NS)
+            self._before.append((s.angle, settle(front, state.analog, x, s.angle)))
+        magnetize(front, state.analog, self.tables)
 
     def _now_ns(self) -> int:
-        return int(self._watch.clock[STEP]) * NS // self._rate
-
-
-def _numbered(kinds: list[Kind]) -> list[tuple[Kind, int]]:
-    """Each with its place among those of its kind."""
-    return [(kind, kinds[:i].count(kind)) for i, kind in enumerate(kinds)]
+        return int(self.parts.watch.clock[STEP]) * NS // self._rate
 
 
 def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], State]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from faultloop.plant.elements import Complex, Floats
+from faultloop.plant.elements.switch import switch_currents
 from faultloop.plant.factor import Factor
 from faultloop.plant.frontend import Analog
 from faultloop.plant.network import Model
@@ -104,6 +105,4 @@ def _phases(positive: Complex) -> Complex:
 def renew_switch_currents(model: Model, factor: Factor, state: State) -> None:
     """Brings the currents through poles and faults up to the present voltages (as the kernel does only where
     it needs them)."""
-    ends = model.network.switch_bus
-    across = state.v[ends[:, 0]] - state.v[ends[:, 1]]
-    state.switch_current[:] = np.einsum("spq,sq->sp", factor.switch.reshape(-1, 3, 3), across)
+    switch_currents(model.network.switch_bus, factor.switch, state.v, state.switch_current)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from faultloop.relay.functions.function import Polygon
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
 from faultloop.relay.quantities import INPUTS, LOOPS, OUTPUTS
 from faultloop.relay.settings import RelaySettings
-from faultloop.relay.step import block_runner
+from faultloop.relay.step import block_runner, step_address
 from faultloop.relay.texts import change_texts
 from faultloop.relay.users import load_elements
 
@@ -69,12 +70,8 @@ class Relay:
         self._instances = layout.instances(settings, self._elements)
         self._constants = layout.constants(settings, self.estimator.settling_samples, self._instances)
         self._state = layout.initial_state()
-        self._inputs = layout.neighbours(self._state, INPUTS)
-        self._outputs = layout.neighbours(self._state, OUTPUTS)
         self._measure_constants, self._measure_state = _measuring(settings, self._constants["shared"][0])
-        # A structured array is copied field by field (17 us for a relay's), its bytes at once (1 us).
-        self._state_bytes = self._state.view(np.uint8)
-        self._measure_bytes = self._measure_state.view(np.uint8)
+        self._face()
         self._estimator_state = self.estimator.state.copy()
         self._estimate = block_runner(self.estimator.step)
         self.bits = tuple(name for instance in self._instances for name in instance.bits)
@@ -164,6 +161,78 @@ class Relay:
         self.sample_count, self._last_words, self._last_outputs, telling, self.inputs = state[3]
         self._telling = telling.copy()
 
+    # -- in a bank (`faultloop.relay.bank`) -----------------------------------------------------------------
+
+    @property
+    def step_address(self) -> int:
+        """Of the estimator's compiled step; 0 where it is plain Python."""
+        return step_address(self._estimate)
+
+    @property
+    def tells_apart(self) -> bool:
+        """Whether a function of the user's tells events, from a state that is not in `STATE`."""
+        return any(instance.user is not None for instance in self._telling)
+
+    def settle_in(
+        self,
+        constants: NDArray[np.void],
+        state: NDArray[np.void],
+        measure_constants: NDArray[np.void],
+        measure_state: NDArray[np.void],
+        estimator: Array,
+    ) -> None:
+        """Its constants and its state are in these arrays from now on, each of shape (1,) but the last."""
+        new = (constants, state, measure_constants, measure_state)
+        old = (self._constants, self._state, self._measure_constants, self._measure_state)
+        for to, of in zip(new, old, strict=True):
+            to.view(np.uint8)[:] = of.view(np.uint8)
+        estimator[:] = self._estimator_state
+        self._constants, self._measure_constants, self._estimator_state = (
+            constants,
+            measure_constants,
+            estimator,
+        )
+        self._state, self._measure_state = state, measure_state
+        self._face()
+
+    def set_inputs(self, breaker_closed: int, pilot: int) -> None:
+        """From the next sample on."""
+        self._inputs[0], self._inputs[1] = breaker_closed, pilot
+
+    def estimate(self, samples: Array, phasors: Array, loops: Array) -> None:
+        """What the decision then takes, of the next samples (n, 6), into (n, 14) and (n, 12)."""
+        self._estimate(self._estimator_state, samples, phasors)
+        measure(self._measure_constants, self._measure_state, phasors, loops)
+
+    def told(
+        self, first: int, words: NDArray[np.uint64], notices: Sequence[tuple[int, NDArray[np.void]]]
+    ) -> list[Event]:
+        """Events of samples from number ``first`` on: where one of ``words`` (n, 2) differs from the one
+        before, and what the functions tell at the samples of ``notices``, from the relay's state then."""
+        events, begin = [], 0
+        for sample, state in notices:
+            end = sample - first + 1
+            events += self._changes(first + begin, words[begin:end])
+            events += self._notices(sample, state)
+            begin = end
+        return events + self._changes(first + begin, words[begin:])
+
+    def check_elements(self) -> None:
+        """Raises InputError where a function of the user's has failed."""
+        for element in self._elements:
+            if (error := element.error) is not None:  # whatever a user's function raises
+                what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
+                key = f"element[{element.name}].function"
+                raise InputError(what, file=self.settings.path, key=key) from error
+
+    def _face(self) -> None:
+        """What looks into the arrays of its state."""
+        self._inputs = layout.neighbours(self._state, INPUTS)
+        self._outputs = layout.neighbours(self._state, OUTPUTS)
+        # A structured array is copied field by field (17 us for a relay's), its bytes at once (1 us).
+        self._state_bytes = self._state.view(np.uint8)
+        self._measure_bytes = self._measure_state.view(np.uint8)
+
     def _save_ahead(self) -> tuple[Array, NDArray[np.uint8]]:
         return self._estimator_state.copy(), self._measure_bytes.copy()
 
@@ -176,18 +245,12 @@ class Relay:
         n = len(samples)
         phasors, loops, words = self._phasors[:n], self._loops[:n], self._words[:n]
         done = decide(self._constants, self._state, samples, phasors, loops, words)
-        for element in self._elements:
-            if (error := element.error) is not None:  # whatever a user's function raises
-                what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
-                key = f"element[{element.name}].function"
-                raise InputError(what, file=self.settings.path, key=key) from error
+        self.check_elements()
         return done
 
     def _measure(self, samples: Array) -> None:
         n = len(samples)
-        phasors, loops = self._phasors[:n], self._loops[:n]
-        self._estimate(self._estimator_state, samples, phasors)
-        measure(self._measure_constants, self._measure_state, phasors, loops)
+        self.estimate(samples, self._phasors[:n], self._loops[:n])
 
     def _reserve(self, n: int) -> None:
         if n <= self._capacity:
@@ -199,28 +262,34 @@ class Relay:
 
     def _tell(self, done: int) -> None:
         """Events of the samples just done: where a bit changed, and what the functions have to tell."""
-        self.events = []
-        words = self._words[:done]
         *outputs, changed = self._outputs.tolist()
-        if changed:
-            last = np.array(self._last_words, np.uint64)
-            different = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
-            for n in np.flatnonzero(different):
-                now = (int(words[n, 0]), int(words[n, 1]))
-                texts = change_texts(self._instances, self.bits, self._last_words, now)
-                self.events += [Event(self.sample_count + int(n), "info", text) for text in texts]
-                self._last_words = now
+        self.events = self._changes(self.sample_count, self._words[:done]) if changed else []
         if outputs != self._last_outputs:
             self._last_outputs = outputs
-            self._tell_notices(self.sample_count + done - 1)  # the block has stopped at that sample
+            # the block has stopped at that sample
+            self.events += self._notices(self.sample_count + done - 1, self._state)
 
-    def _tell_notices(self, sample: int) -> None:
-        names = Names(sample, self.settings, self._sources)
+    def _changes(self, first: int, words: NDArray[np.uint64]) -> list[Event]:
+        """Lines for the bits that change in rows of words, of samples from number ``first`` on."""
+        events = []
+        last = np.array(self._last_words, np.uint64)
+        different = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
+        for n in np.flatnonzero(different).tolist():
+            now = (int(words[n, 0]), int(words[n, 1]))
+            texts = change_texts(self._instances, self.bits, self._last_words, now)
+            events += [Event(first + n, "info", text) for text in texts]
+            self._last_words = now
+        return events
+
+    def _notices(self, sample: int, state: NDArray[np.void]) -> list[Event]:
+        """What the functions have to tell of a state, at that sample."""
+        names, events = Names(sample, self.settings, self._sources), []
         for instance, last in self._telling.items():
-            tell, now = instance.function.tell, layout.record_of(self._state, instance)
+            tell, now = instance.function.tell, layout.record_of(state, instance)
             if tell is not None:
-                self.events += tell(names, last, now)
+                events += tell(names, last, now)
             self._telling[instance] = now.copy()
+        return events
 
 
 def _estimator(settings: RelaySettings) -> Estimator:

@@ -10,30 +10,15 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba.core import types
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
+from faultloop.jit import Address
 from faultloop.relay.entry import cached_step
 from faultloop.relay.estimators import STEP, is_compiled, run_block, run_estimator
 
 Array = NDArray[np.float64]
 Runner = Callable[[Array, Array, Array], None]
-
-
-class StepAddress(types.WrapperAddressProtocol):
-    """A compiled step as numba's first-class function: its address, and the library that holds it."""
-
-    def __init__(self, step: Any) -> None:
-        self.compiled = step.get_compile_result(STEP)  # kept: it owns the machine code
-        name = self.compiled.fndesc.llvm_cfunc_wrapper_name
-        self.address = self.compiled.library.get_pointer_to_function(name)
-
-    def __wrapper_address__(self) -> int:
-        return self.address
-
-    def signature(self) -> Any:
-        return STEP
 
 
 def block_runner(step: Callable[[Array, Array, Array], Any]) -> Runner:
@@ -47,6 +32,20 @@ def block_runner(step: Callable[[Array, Array, Array], Any]) -> Runner:
         step = cached_step(step)
     if not is_compiled(step):
         return lambda state, x, out: run_estimator(step, state, x, out)
-    address = StepAddress(step)
-    loop = run_block.overloads[run_block.signatures[0]].entry_point  # types are known: no dispatch
-    return lambda state, x, out: loop(address, state, x, out)
+    return CompiledRunner(step)
+
+
+class CompiledRunner:
+    """Runs a compiled step over a block."""
+
+    def __init__(self, step: Any) -> None:
+        self.step = Address(step, *STEP.args)
+        self._loop = run_block.overloads[run_block.signatures[0]].entry_point  # types are known: no dispatch
+
+    def __call__(self, state: Array, x: Array, out: Array) -> None:
+        self._loop(self.step, state, x, out)
+
+
+def step_address(run: Runner) -> int:
+    """Of the step that is run, for a kernel that calls it; 0 where it is plain Python."""
+    return run.step.address if isinstance(run, CompiledRunner) else 0

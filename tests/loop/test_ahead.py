@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import faultloop
-from faultloop.loop import closed_loop
-from faultloop.loop.ahead import Ahead
+from faultloop.loop import closed_loop, drive
 from faultloop.loop.case import Cases
 from faultloop.loop.scenario import load_scenario
-from faultloop.plant import Plant
-from faultloop.relay import Relay, RelayInputs
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -28,7 +24,7 @@ def told(result: faultloop.Result) -> tuple:
 def test_a_run_is_the_same_sample_by_sample(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     path = SCENARIOS / f"{name}.toml"
     ahead = told(faultloop.run(path))
-    monkeypatch.setattr(closed_loop, "BLOCK", 1)
+    monkeypatch.setattr(drive, "AHEAD", 1)
     assert told(faultloop.run(path)) == ahead
 
 
@@ -41,35 +37,21 @@ def test_a_node_that_restarts_in_the_middle_of_a_block(monkeypatch: pytest.Monke
     ]
     changed = type(scenario).from_dict(data, path=scenario.path)
     ahead = told(faultloop.run(changed))
-    monkeypatch.setattr(closed_loop, "BLOCK", 1)
+    monkeypatch.setattr(drive, "AHEAD", 1)
     assert told(faultloop.run(changed)) == ahead
 
 
-def test_what_was_run_too_far_is_forgotten() -> None:
-    """Inputs and commands at random instants: samples and states as of one who never ran ahead."""
-    path = SCENARIOS / "ag-zone1.toml"
-    settings = faultloop.load_settings(SCENARIOS / "settings" / "ab-mho.toml")
-    random = np.random.default_rng(1)
-    cuts = np.cumsum(random.integers(1, 60, 40)).tolist()
-    taken: list[list[np.ndarray]] = []
-    for block in (240, 1):
-        plant, relay = Plant(load_scenario(path)), Relay(settings)
-        ahead, rows = Ahead(plant, [relay]), []
-        for number, stop in enumerate(cuts):
-            while ahead.sample_count < stop:
-                if not ahead.left:
-                    ahead.make(block)
-                piece = ahead.take(stop - ahead.sample_count)
-                ((rows_of_piece, _, _),) = piece.relays.values()
-                rows.append(np.hstack([rows_of_piece.samples, rows_of_piece.phasors]))
-            ahead.settle()
-            assert plant.sample_count == relay.sample_count == stop
-            if number % 3 == 0:
-                relay.inputs = RelayInputs(breaker_closed=7 - number % 4)
-            if number == 25:
-                plant.command("QA", "open", 7, stop * 1_000_000_000 // 4800)
-        taken.append([np.concatenate(rows)])
-    assert np.array_equal(taken[0][0], taken[1][0], equal_nan=True)
+@pytest.mark.parametrize("operate_ms", [0.0, 3.1])
+def test_what_is_told_in_small_portions_is_the_same(
+    operate_ms: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Reclosing: commands come while poles move; with quick breakers the plant may hardly run ahead."""
+    overrides = [f"breaker.{name}.operate_ms={operate_ms}" for name in ("QA", "QB")]
+    path = SCENARIOS / "single-pole-trip.toml"
+    whole = told(faultloop.run(path, overrides=overrides))
+    monkeypatch.setattr(closed_loop, "ROWS", 7)
+    monkeypatch.setattr(drive, "AHEAD", 1)
+    assert told(faultloop.run(path, overrides=overrides)) == whole
 
 
 def test_a_warm_state_is_taken_again_and_is_the_same() -> None:

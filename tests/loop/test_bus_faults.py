@@ -54,7 +54,7 @@ def test_same_seed_same_bytes_and_another_seed_other_faults(tmp_path: Path) -> N
 @pytest.mark.parametrize("block", [1, 7, 1000])
 def test_the_block_size_changes_no_bit(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = everything(faultloop.run(LOSSY))
-    monkeypatch.setattr(closed_loop, "BLOCK", block)
+    monkeypatch.setattr(closed_loop, "ROWS", block)
     assert everything(faultloop.run(LOSSY)) == wanted
 
 
@@ -63,7 +63,7 @@ def test_the_block_size_changes_no_bit_of_a_bus_off(node: str, monkeypatch: pyte
     broken = {"kind": "bit_error", "node": node, "start_s": 0.09, "duration_s": 0.05}
     wanted = run(broken)
     assert any("bus-off" in text for text in texts(wanted, node))
-    monkeypatch.setattr(closed_loop, "BLOCK", 3)
+    monkeypatch.setattr(closed_loop, "ROWS", 3)
     assert everything(run(broken)) == everything(wanted)
 
 

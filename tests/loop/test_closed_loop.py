@@ -70,7 +70,7 @@ def test_causality_a_trip_changes_nothing_before_it_arrives() -> None:
 @pytest.mark.parametrize("block", [1, 7, 1000])
 def test_the_block_size_changes_no_bit(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = _everything(faultloop.run(ROOT / "scenarios" / "evolving-fault.toml"))
-    monkeypatch.setattr(closed_loop, "BLOCK", block)
+    monkeypatch.setattr(closed_loop, "ROWS", block)
     got = _everything(faultloop.run(ROOT / "scenarios" / "evolving-fault.toml"))
     assert got == wanted
 

@@ -11,7 +11,7 @@ from typing import ClassVar, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.jit import njit
+from faultloop.jit import inner, njit
 from faultloop.plant.elements import GROUND, Floats, Ints
 
 CONTACT_OHM = 1e-4
@@ -37,9 +37,21 @@ class Switch(Protocol):
         """Whether its poles conduct when the run begins."""
         ...
 
-    def conductance(self, mask: int) -> Floats:
-        """(3, 3) between its ends with the given poles conducting (A = 1, B = 2, C = 4) [S]."""
+    def conductances(self) -> Floats:
+        """(8, 9) between its ends, by the mask of the poles that conduct (A = 1, B = 2, C = 4): 3x3 [S]."""
         ...
+
+
+EVERY_MASK = (np.arange(8)[:, None] & POLE_BITS) != 0
+"""(8, 3) which poles conduct."""
+
+
+def _diagonal(values: Floats) -> Floats:
+    """(8, 3, 3) of (8, 3)."""
+    return values[:, :, None] * np.eye(3)
+
+
+_CONTACTS = _diagonal(EVERY_MASK / CONTACT_OHM).reshape(8, 9)
 
 
 @dataclass(frozen=True)
@@ -51,8 +63,8 @@ class Poles:
     closed: bool = True
     kind: ClassVar[Kind] = "pole"
 
-    def conductance(self, mask: int) -> Floats:
-        return np.diag(poles(mask) / CONTACT_OHM)
+    def conductances(self) -> Floats:
+        return _CONTACTS
 
 
 @dataclass(frozen=True)
@@ -68,12 +80,11 @@ class Star:
     closed: bool = False
     kind: ClassVar[Kind] = "fault"
 
-    def conductance(self, mask: int) -> Floats:
-        star = poles(mask) / max(self.phase_ohm, CONTACT_OHM)
-        ground = 1 / max(self.ground_ohm, CONTACT_OHM)
-        if not mask or (total := star.sum() + ground) == 0:
-            return np.zeros((3, 3))
-        return np.diag(star) - np.outer(star, star) / total
+    def conductances(self) -> Floats:
+        star = EVERY_MASK / max(self.phase_ohm, CONTACT_OHM)
+        total = star.sum(axis=1) + 1 / max(self.ground_ohm, CONTACT_OHM)
+        total[total == 0] = 1.0  # nothing conducts
+        return (_diagonal(star) - star[:, :, None] * star[:, None, :] / total[:, None, None]).reshape(8, 9)
 
 
 class Action(NamedTuple):
@@ -103,7 +114,7 @@ def switch_currents(bus: Ints, conductance: Floats, v: Floats, current: Floats) 
             current[s, p] = y[3 * p] * d0 + y[3 * p + 1] * d1 + y[3 * p + 2] * d2
 
 
-@njit
+@inner
 def waiting(armed: NDArray[np.bool_]) -> bool:
     """Whether any pole waits for its current zero; ``armed`` (switches, 3)."""
     for s in range(armed.shape[0]):
@@ -113,7 +124,7 @@ def waiting(armed: NDArray[np.bool_]) -> bool:
     return False
 
 
-@njit
+@inner
 def crossings(armed: NDArray[np.bool_], old: Floats, current: Floats, zero: Floats) -> bool:
     """Looks for a zero of each armed pole's current between the one kept and the present one (switches, 3);
     ``zero`` becomes where (0 .. 1; -1: nowhere)."""

@@ -32,7 +32,7 @@ def record_of(plan: Plan) -> dict[str, Any]:
         "seed": plan.tables.campaign.seed,
         "cases": plan.cases,
         "versions": versions(),
-        "sources": source_digest("loop"),
+        "sources": source_digest("study"),
     }
 
 
