@@ -41,8 +41,10 @@ def command(
 
 
 def _scenario(file: Path) -> dict[str, Any]:
+    from faultloop.loop.doubts import scenario_doubts
     from faultloop.loop.inputs import check_settings
     from faultloop.loop.scenario import load_scenario
+    from faultloop.plant import Plant
     from faultloop.relay import load_settings
 
     scenario = load_scenario(file)
@@ -61,10 +63,12 @@ def _scenario(file: Path) -> dict[str, Any]:
         "log_mb": round(samples * relays * LOG_BYTES / 1e6, 1),
         "seconds_about": round(duration_s * max(relays, 1) / RELAYS_REAL_TIME + 1, 1),
         "user_code": sorted({code for own in settings.values() for code in _code(own)}),
+        "warnings": scenario_doubts(scenario, settings, Plant(scenario)),
     }
 
 
 def _settings(file: Path) -> dict[str, Any]:
+    from faultloop.loop.doubts import settings_doubts
     from faultloop.relay import load_settings
 
     settings = load_settings(file)
@@ -79,10 +83,12 @@ def _settings(file: Path) -> dict[str, Any]:
         "estimator": settings.estimator.method,
         "zones": [zone.zone for zone in settings.pdis],
         "user_code": code,
+        "warnings": settings_doubts(settings),
     }
 
 
 def _campaign(file: Path) -> dict[str, Any]:
+    from faultloop.loop.doubts import settings_doubts
     from faultloop.study.campaign import Campaign
     from faultloop.study.campaign.cost import cost_of
 
@@ -97,6 +103,7 @@ def _campaign(file: Path) -> dict[str, Any]:
         "relays": list(first.settings),
         **cost_of(campaign.plan),
         "user_code": sorted({code for own in first.settings.values() for code in _code(own)}),
+        "warnings": [text for name, own in first.settings.items() for text in settings_doubts(own, name)],
     }
 
 
@@ -110,5 +117,5 @@ def _text(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {inner}" for name, inner in value.items())
     if isinstance(value, list):
-        return ", ".join(map(str, value)) or "none"
+        return ("; " if any(" " in str(v) for v in value) else ", ").join(map(str, value)) or "none"
     return str(value)

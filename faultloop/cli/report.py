@@ -48,6 +48,7 @@ def result_as_dict(result: Result) -> dict[str, Any]:
         "can": {"frames": result.can_frames, "load": result.bus_load},
         "pacing": None if result.pacing is None else asdict(result.pacing),
         "died": list(result.died),
+        "warnings": list(result.warnings),
         "expectations": [
             {"relay": v.expect.relay, "trip": v.expect.trip, "held": v.held, "why": v.why}
             for v in result.expectations
@@ -65,6 +66,8 @@ def print_result(result: Result) -> None:
     out.print(
         Text(name, style="bold"), f": {result.simulated_s:g} s simulated in {result.wall_s:.2f} s", sep=""
     )
+    for warning in result.warnings:
+        out.print(f"warning: {warning}", style="yellow", markup=False)
     out.print(table("Events", [">ms", "from", "what"], event_rows(result)))
     start = result.fault_start_ns
     rows = []

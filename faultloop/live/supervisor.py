@@ -25,6 +25,7 @@ from faultloop.live.merge import merge
 from faultloop.live.nodes import ATTACKERS, NodeOptions, Role, bus_of, check_pace
 from faultloop.loop.bus_faults import Edges, end_ns
 from faultloop.loop.bus_faults import describe as describe_fault
+from faultloop.loop.doubts import scenario_doubts
 from faultloop.loop.inputs import load_inputs
 from faultloop.loop.outcome import Outcome, outcome_of
 from faultloop.loop.pacing import Pacing, Percentiles
@@ -34,6 +35,7 @@ from faultloop.loop.runner import Interrupted, interruptible
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.refusals import Refusals
+from faultloop.plant import Plant
 
 READY_WITHIN_S = 120.0
 """The first run of a version compiles, in every process."""
@@ -409,6 +411,7 @@ def run_processes(
         interrupted=supervisor.interrupted,
         died=tuple(supervisor.died),
         pacing=_with_reactions(pacing, outcome),
+        warnings=tuple(scenario_doubts(checked, settings, Plant(checked))),
     )
     if result.interrupted:
         raise Interrupted(result)

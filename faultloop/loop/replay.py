@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from faultloop.io.comtrade.resample import sample_numbers, sample_times
 from faultloop.io.mcap_reader import open_log
+from faultloop.loop.doubts import settings_doubts
 from faultloop.loop.outcome import Cast, EventText, Fold, Outcome, pole_names
 from faultloop.loop.played import Choices, Played, from_comtrade, from_log
 from faultloop.loop.recording import Attachments, MemorySink, Metadata, Recorder, open_streams, versions
@@ -185,7 +186,7 @@ def replay(
         float("nan"),
         SampleClock(own.relay.sampling_hz).ns(int(played.numbers[-1] + 1 - played.numbers[0])),
         played.notes,
-        played.warnings,
+        (*played.warnings, *settings_doubts(own)),
         None if log is None else Path(log),
         memory,
         streams.rerun,

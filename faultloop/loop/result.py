@@ -43,6 +43,7 @@ class Result:
     interrupted : ended by Ctrl-C before its time; the log is whole.
     pacing : how well time was kept, None in a run that was not paced.
     died : of a run as processes, the nodes that ended before it did.
+    warnings : what the relays are set to do that nobody may have meant: file, key, what would be right.
     """
 
     scenario: Scenario
@@ -59,6 +60,7 @@ class Result:
     interrupted: bool = False
     pacing: Pacing | None = None
     died: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     memory: MemorySink | None = field(default=None, repr=False)
     rerun: RerunSink | None = field(default=None, repr=False)
 

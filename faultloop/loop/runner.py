@@ -15,6 +15,7 @@ from faultloop.config.override import overridden
 from faultloop.errors import InputError
 from faultloop.io.can.transport import Transport, open_transport
 from faultloop.loop.closed_loop import ClosedLoop
+from faultloop.loop.doubts import scenario_doubts
 from faultloop.loop.inputs import Given, Inputs, check_expectations, load_inputs
 from faultloop.loop.outcome import Cast, Fold
 from faultloop.loop.pacing import Pacing
@@ -112,6 +113,7 @@ def run(
         pacing=None if pace is None else Pacing.of_blocks(pace, loop.deadlines),
         memory=memory,
         rerun=streams.rerun,
+        warnings=tuple(scenario_doubts(scenario, own, loop.plant)),
     )
     if result.interrupted:
         raise Interrupted(result)

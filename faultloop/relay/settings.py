@@ -15,6 +15,8 @@ from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validat
 from faultloop.config.override import set_key, split_override
 from faultloop.config.tables import ComplexOhm, Positive, Table, read_toml, validate
 from faultloop.errors import InputError
+from faultloop.relay import coordination
+from faultloop.relay.coordination import Doubt
 from faultloop.relay.estimators.protection import refusal
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.function import Function
@@ -158,6 +160,11 @@ class RelaySettings(Tables):
     def residual_compensation_factor(self) -> complex:
         """k0 = (z0 - z1) / (3 z1) of the line."""
         return (self.z0_ohm - self.z1_ohm) / (3 * self.z1_ohm)
+
+    @property
+    def doubts(self) -> list[Doubt]:
+        """What the zones are set to do that may not be meant: out of their order, beyond the line at once."""
+        return coordination.doubts(self)
 
     def amperes(self, value: float | None, default: float) -> float:
         """A current setting in primary amperes; ``default`` (primary) where it was not given."""

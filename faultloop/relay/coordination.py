@@ -1,0 +1,165 @@
+"""Whether the distance zones of a settings file can protect together.
+
+Doubted, and told with the key and what would be right: a zone of a higher number that reaches less far, or
+trips sooner, than one of a lower number in the same direction and loops; a zone that reaches beyond the line
+and does not wait for the next line's protection; one that holds the load.  Each may be meant - by a study, or
+by somebody who numbers zones in another way - so nothing is refused.  Only zones that trip count: one that
+starts a scheme may reach where it likes.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from faultloop.relay.functions.pdis import Pdis, polygons, reach_ohm
+
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
+
+SELECTIVE_MS = 100.0
+"""Less than this and a zone does not wait for a fault beyond the line to be cleared there."""
+CLEAR_OF_LOAD = 0.8
+"""Of the load's impedance: a zone that reaches less far along it is clear of it."""
+SAME = 1e-3
+
+
+class Doubt(NamedTuple):
+    """What settings say that may not be meant: the key, what it does, and what would be right."""
+
+    key: str
+    text: str
+
+
+class _Zone(NamedTuple):
+    """A zone that trips; ``key`` of its table, ``along`` the line it reaches (per unit), its loops and its
+    delays for faults to ground and between phases, infinite for loops that it has not."""
+
+    key: str
+    table: Pdis
+    along: float
+    delays: tuple[float, float]
+
+    @property
+    def reach_key(self) -> str:
+        return f"{self.key}.{'reach_ohm' if self.table.reach_pu is None else 'reach_pu'}"
+
+
+def doubts(settings: RelaySettings) -> list[Doubt]:
+    """What the zones are set to do that may not be meant."""
+    found = list(_beyond(settings))
+    for one, other in combinations(_tripping(settings), 2):
+        near, far = sorted((one, other), key=lambda zone: zone.table.zone)
+        if near.table.zone != far.table.zone and near.table.direction == far.table.direction:
+            found += _out_of_order(near, far)
+    return found
+
+
+def load_doubts(settings: RelaySettings, load_ohm: complex) -> list[Doubt]:
+    """Zones that hold a load whose impedance is ``load_ohm`` at the relay, into the line, primary."""
+    found = []
+    for zone in _tripping(settings):
+        if math.isfinite(zone.delays[1]) and _inside(load_ohm, polygons(settings, zone.table)[1]):
+            found.append(Doubt(*_clear_of(settings, zone, load_ohm)))
+    return found
+
+
+def _tripping(settings: RelaySettings) -> list[_Zone]:
+    chosen = settings.ptrc.zones
+    return [
+        _zone(settings, f"pdis[{number}]", table)
+        for number, table in enumerate(settings.pdis, start=1)
+        if chosen is None or table.zone in chosen
+    ]
+
+
+def _zone(settings: RelaySettings, key: str, table: Pdis) -> _Zone:
+    ground, phase = (
+        table.delay_ms if own is None else own for own in (table.delay_ground_ms, table.delay_phase_ms)
+    )
+    delays = (ground if table.loops != "phase" else math.inf, phase if table.loops != "ground" else math.inf)
+    return _Zone(key, table, _along(settings, table), delays)
+
+
+def _along(settings: RelaySettings, table: Pdis) -> float:
+    """How far a zone reaches for bolted faults, per unit of the line: to where its circle, or its reactance
+    line, crosses it."""
+    reach, line = reach_ohm(settings, table), settings.z1_ohm
+    if table.characteristic == "mho":
+        return abs(reach / line) * math.cos(cmath.phase(reach) - cmath.phase(line))
+    tilt = cmath.rect(1.0, math.radians(table.tilt_deg))
+    return (reach * tilt).imag / (line * tilt).imag
+
+
+def _out_of_order(near: _Zone, far: _Zone) -> Iterator[Doubt]:
+    """Of two zones in one direction, ``far`` of the higher number."""
+    common = [k for k in (0, 1) if math.isfinite(near.delays[k]) and math.isfinite(far.delays[k])]
+    if not common:
+        return
+    names = f"zone {far.table.zone}", f"zone {near.table.zone} ({near.key})"
+    if far.along < near.along * (1 - SAME):
+        what = f"of {names[0]} is {far.along:.3g} of the line and {names[1]} reaches {near.along:.3g}"
+        given = far.table.reach_ohm if far.table.reach_pu is None else far.table.reach_pu
+        yield Doubt(far.reach_key, f"{given:g} {what}; a zone of a higher number reaches farther")
+    for k in common:
+        if far.delays[k] < near.delays[k]:
+            own = ("delay_ground_ms", "delay_phase_ms")[k]
+            key = f"{far.key}.{'delay_ms' if getattr(far.table, own) is None else own}"
+            what = f"{far.delays[k]:g} of {names[0]} is sooner than the {near.delays[k]:g} of {names[1]}"
+            yield Doubt(key, f"{what}; a zone of a higher number waits at least as long")
+            return
+
+
+def _beyond(settings: RelaySettings) -> Iterator[Doubt]:
+    for zone in _tripping(settings):
+        soonest = min(zone.delays)
+        if zone.table.direction == "reverse" or soonest >= SELECTIVE_MS:
+            continue
+        text = f"of zone {zone.table.zone} trips after {soonest:g} ms for faults beyond the line"
+        right = "0.8 of the line is usual, or a delay of 300 ms, or a zone that is not in ptrc.zones"
+        if zone.along > 1.0:
+            yield Doubt(zone.reach_key, f"{zone.along:.3g} of the line {text}; {right}")
+        elif (ground := _along_ground(settings, zone)) > 1.0:
+            key = f"{zone.key}.residual_compensation_factor"
+            yield Doubt(key, f"lets the ground loops reach {ground:.3g} of the line, which {text}; {right}")
+
+
+def _along_ground(settings: RelaySettings, zone: _Zone) -> float:
+    """The same of its ground loops for a one-phase fault fed from here alone (I1 = I2 = I0)."""
+    given = zone.table.residual_compensation_factor
+    if given is None or not math.isfinite(zone.delays[0]):
+        return zone.along
+    return zone.along * abs((1 + complex(*given)) / (1 + settings.residual_compensation_factor))
+
+
+def _inside(z: complex, polygon: Any) -> bool:
+    """Whether a closed polygon (k, 2) goes around a point."""
+    if not len(polygon):
+        return False
+    corners = polygon[:, 0] + 1j * polygon[:, 1] - z
+    turn = np.angle(corners[1:] / corners[:-1]).sum()
+    return bool(abs(turn) > math.pi)
+
+
+def _clear_of(settings: RelaySettings, zone: _Zone, load: complex) -> tuple[str, str]:
+    """The key of what reaches into the load, and what would be right."""
+    table, size, angle = zone.table, abs(load), cmath.phase(load)
+    what = f"of zone {table.zone} holds the load of {size:.4g} ohm at {math.degrees(angle):.0f} degrees"
+    if table.characteristic == "quad":
+        limit = CLEAR_OF_LOAD * abs(load.real) / settings.ohm_ratio
+        text = f"{table.resistive_reach_ohm:g} {what}; below {limit:.3g} it is clear of it"
+        return f"{zone.key}.resistive_reach_ohm", text
+    reach = reach_ohm(settings, table) * (-1 if table.direction == "reverse" else 1)
+    if table.direction != "none":  # the chord of the circle along the load
+        size /= math.cos(angle - cmath.phase(reach))
+    unit = settings.ohm_ratio if table.reach_pu is None else abs(settings.z1_ohm)
+    given = table.reach_ohm if table.reach_pu is None else table.reach_pu
+    text = (
+        f"{given:g} {what}; below {CLEAR_OF_LOAD * size / unit:.3g} it is clear of it, as a quadrilateral is"
+    )
+    return zone.reach_key, text
