@@ -21,7 +21,8 @@ from faultloop.relay import Relay, RelaySettings
 
 MHO, QUAD, REVERSE, FAR = range(4)
 INSIDE, DEPENDABLE, SECURE = 0.6, 0.76, 0.84
-"""Of the line: up to here it shall operate soon, up to here at all, from here on not at all."""
+"""Of the line: up to here it shall operate soon; up to here, by what a relay measures, at all; from here on
+not at all."""
 
 
 class Answer(NamedTuple):
@@ -94,13 +95,14 @@ def tell(answers: list[Answer]) -> None:
     reverse = [a for a in ahead if a.times[REVERSE] == a.times[REVERSE]]
     share("reverse zone for a fault ahead", ahead, reverse)
     share("any start before the fault", answers, [a for a in answers if a.before])
-    near = [a for a in answers if a.view.where == "inside" and a.view.bolted and a.view.at <= DEPENDABLE]
+    inside = [a for a in answers if a.view.where == "inside" and a.view.bolted]
+    near = [a for a in inside if a.view.measured <= DEPENDABLE]
     for zone, name in ((MHO, "mho"), (QUAD, "quadrilateral")):
         missed = [a for a in near if a.times[zone] != a.times[zone]]
-        share(f"no zone 1 ({name}) within {DEPENDABLE:.0%} of the line, bolted", near, missed)
+        share(f"no zone 1 ({name}) for {DEPENDABLE:.0%} of the line, bolted", near, missed)
         for a in missed:
             print("   ", a.number, a.view, a.times)
-    inside = [a for a in answers if a.view.where == "inside" and a.view.bolted and a.view.at <= INSIDE]
+    inside = [a for a in inside if a.view.at <= INSIDE]
     print(f"\nbolted within {INSIDE:.0%}: start of zone 1 [ms]        median   95 %  worst  missed")
     for name, low, high, least, most in (
         ("to 150 km, SIR 0.1 to 30", 0, 150, 0, 30),

@@ -6,6 +6,7 @@ up to 60 times the line whatever the length: networks that resonate near the nom
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any, NamedTuple
 
@@ -32,6 +33,8 @@ class View(NamedTuple):
     sir: float
     length: float
     bolted: bool
+    measured: float
+    """What its loop measures at most, per unit of the line's R and X; ``at`` where it is not on the line."""
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -92,6 +95,24 @@ def draw(seed: int, number: int, kind: str) -> dict[str, Any]:
     return case
 
 
+def measured(case: dict[str, Any], at: float) -> float:
+    """Impedance of a bolted fault at ``at`` of the line, per unit of the line's R and X: at most.
+
+    A line with capacitance, shorted at x, shows Zc tanh(gamma x) in every sequence and not z x.  A phase loop
+    measures the positive sequence's; a ground loop a mean of positive and zero sequence's, weighted by their
+    currents (docs/relay.md), so the zero sequence's at most.
+    """
+    line, length = case["line"], case["length"] * at
+    if line["model"] == "rl":
+        return at
+    sequence = "0" if case["type"] in ("AG", "BG", "CG") else "1"
+    turn = case["frequency"] / case["f0"]
+    z = complex(line[f"r{sequence}_ohm_per_km"], turn * line[f"x{sequence}_ohm_per_km"]) * length
+    y = 1e-6j * turn * line[f"b{sequence}_us_per_km"] * length
+    gamma = cmath.sqrt(z * y)
+    return at * abs(cmath.tanh(gamma) / gamma) if at else 0.0
+
+
 def view(case: dict[str, Any], end: int) -> View:
     """From A (0) or from B (1)."""
     z = math.hypot(case["line"]["r1_ohm_per_km"], case["line"]["x1_ohm_per_km"])
@@ -100,7 +121,8 @@ def view(case: dict[str, Any], end: int) -> View:
     where = case["where"]
     if where in ("behind", "beyond"):
         where, at = ("behind", 0.0) if (where == "behind") == (end == 0) else ("beyond", 1 + at)
-    return View(where, at, sir, case["length"], case["resistance"] == 0.0)
+    seen = measured(case, at) if where == "inside" else at
+    return View(where, at, sir, case["length"], case["resistance"] == 0.0, seen)
 
 
 def scenario(case: dict[str, Any], antialias_hz: float) -> Scenario:
