@@ -73,10 +73,22 @@ def weight(c: Record, d: Phasors) -> float:
 
 
 @njit
+def current_limit2(c: Record, reference: Phasors) -> float:
+    """Square of the change of a phase current that is a disturbance."""
+    i1 = (reference[3] + A * reference[4] + A2 * reference[5]) / 3
+    return max(c.pickup_current**2, c.pickup_current_pu**2 * size2(i1))
+
+
+@njit
+def voltage_limit2(c: Record, reference: Phasors) -> float:
+    """The same of a phase voltage."""
+    return max(c.pickup_voltage_pu**2 * size2(positive_sequence(reference)), 1e-2 * c.minimum_voltage**2)
+
+
+@njit
 def current_differs(c: Record, x: Phasors, reference: Phasors) -> bool:
     """Whether a phase current differs from the reference by more than the [phs] pickups."""
-    i1 = (reference[3] + A * reference[4] + A2 * reference[5]) / 3
-    limit = max(c.pickup_current**2, c.pickup_current_pu**2 * size2(i1))
+    limit = current_limit2(c, reference)
     ia, ib, ic = x[3] - reference[3], x[4] - reference[4], x[5] - reference[5]
     return size2(ia) > limit or size2(ib) > limit or size2(ic) > limit
 
@@ -84,7 +96,7 @@ def current_differs(c: Record, x: Phasors, reference: Phasors) -> bool:
 @njit
 def differs(c: Record, x: Phasors, reference: Phasors) -> bool:
     """Whether a phase current or voltage differs from the reference by more than the [phs] pickups."""
-    limit = max(c.pickup_voltage_pu**2 * size2(positive_sequence(reference)), 1e-2 * c.minimum_voltage**2)
+    limit = voltage_limit2(c, reference)
     va, vb, vc = x[0] - reference[0], x[1] - reference[1], x[2] - reference[2]
     if size2(va) > limit or size2(vb) > limit or size2(vc) > limit:
         return True

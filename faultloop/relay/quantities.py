@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay import energy, memory, recent, voltages
+from faultloop.relay import currents, energy, memory, recent, voltages
 from faultloop.relay.energy import ENERGY
 from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2
 from faultloop.relay.recent import RECENT, SQRT2
@@ -98,6 +98,7 @@ QUANTITIES = np.dtype(
         ("was_closed", "i8"),
         ("dead", "i8"),  # mask of poles without current, by the samples and by the breaker
         ("proven", "i8"),  # mask of phases whose voltage can be relied on
+        ("missing", "i8"),  # mask of phases whose current is missing
         # the memory, and what is new against it
         ("memory", MEMORY),
         ("sound", "i8"),  # nothing looks like a fault; judged only while the memory is not ready
@@ -109,6 +110,8 @@ QUANTITIES = np.dtype(
         ("change", "c16", (6,)),  # its sequence components
         # published by functions; cleared before each sample where marked *
         ("fault", "i8"),  # PHS: the fault's type
+        ("crossed", "i8"),  # PHS: the type is of the fault ahead, and there is another behind
+        ("behind", "i8"),  # PHS: mask of phases whose own fault is behind
         ("released", "i8"),  # PHS: mask of the loops that may start
         ("direction", "i8"),  # RDIR: 1 forward, -1 reverse, 0 unknown
         ("polarizing", "c16"),  # RDIR: positive-sequence polarizing voltage, while disturbed
@@ -284,10 +287,12 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
             q.d[k] = q.x[k] - q.memory.reference[k]
         sequences(q.d, q.change)
         q.memory.fed |= memory.current_differs(g, q.x, q.memory.reference)
+        currents.watch_change(g, q)
     else:
         energy.rest(g, q.energy, ready)
         if q.memory.tick == 0 and q.memory.seen > g.settling:
             voltages.prove(g, q)
+            currents.watch(g, q)
     q.fed = q.memory.fed if q.disturbed else 0
     forget(q)
 

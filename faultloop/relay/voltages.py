@@ -3,7 +3,8 @@
 A phase that carries current and has no voltage is at a bolted fault close in, or its voltage transformer is
 not there: a blown fuse, an open miniature breaker, a channel that nobody wired.  Phasors cannot tell which,
 but what was before can: a transformer is *proven* by a voltage, and no longer when the voltage is missing in
-quiet while the pole carries current.  Loops with a phase that is not proven measure nothing.
+quiet while the pole carries current, or is closed and the other phases have theirs.  Loops with a phase that
+is not proven measure nothing.
 """
 
 from __future__ import annotations
@@ -30,10 +31,11 @@ def prove(g: Record, q: Record) -> None:
     greatest = max(size2(q.x[0]), size2(q.x[1]), size2(q.x[2]))
     floor = g.minimum_voltage**2
     gone = greatest <= floor or size2(q.sequence[2]) > UNBALANCE**2 * size2(q.sequence[1])
+    alone = greatest > floor
     for phase in range(3):
         if size2(q.x[phase]) > max(floor, PART**2 * greatest):
             q.proven |= 1 << phase
-        elif gone and size2(q.x[3 + phase]) > g.open_current**2:
+        elif gone and (size2(q.x[3 + phase]) > g.open_current**2 or (alone and (q.closed >> phase) & 1)):
             q.proven &= ~(1 << phase)
 
 

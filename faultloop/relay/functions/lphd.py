@@ -2,7 +2,7 @@
 
 Zones, direction and phase selection need the memory of a healthy system.  Until there is one, and while there
 is none any more, they are blocked, ``LPHD1.PhyHealth`` is on, and an event says the cause.  So it is with a
-phase whose voltage is missing: its loops are blocked.
+phase whose voltage or current is missing: its loops are blocked, and without a current the ground loops, too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from faultloop.relay.quantities import Record, indicate
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
-READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, MISSING = range(8)
+READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, MISSING, CURRENT = range(9)
 ALL_PHASES = 7
 CAUSES = (
     "",
@@ -51,7 +51,9 @@ def values(settings: RelaySettings, table: Lphd) -> dict[str, Any]:
 def cause(g: Record, q: Record) -> int:
     """Why the zones, or some loops, cannot work at this sample."""
     if q.ready:
-        return READY if q.proven == ALL_PHASES else MISSING
+        if q.proven != ALL_PHASES:
+            return MISSING
+        return CURRENT if q.missing else READY
     if q.memory.seen <= g.settling:
         return SETTLING
     if q.memory.blind > 0:
@@ -74,7 +76,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     told = now == SETTLING or (w.cause != READY and now != UNSOUND)  # one cause is enough, but for this one
     if now != w.cause and (now in (READY, MISSING) or (late and not told)):
         w.cause = now
-        w.missing = ALL_PHASES & ~q.proven
+        w.missing = q.missing if now == CURRENT else ALL_PHASES & ~q.proven
         q.notices += 1
     indicate(q, c.bit, now != READY)
 
@@ -88,6 +90,10 @@ def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
     elif now["cause"] == MISSING:
         phases = poles_text(int(now["missing"]))
         text = f"LPHD1 no voltage of phase {phases} was there before: its loops are blocked"
+        yield Event(names.sample, "warning", text)
+    elif now["cause"] == CURRENT:
+        phases = poles_text(int(now["missing"]))
+        text = f"LPHD1 no current of phase {phases} beside the others': its loops, and to ground, are blocked"
         yield Event(names.sample, "warning", text)
     else:
         yield Event(names.sample, "warning", f"LPHD1 not ready, zones blocked: {CAUSES[int(now['cause'])]}")

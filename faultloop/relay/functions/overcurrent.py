@@ -177,6 +177,8 @@ def multiple(g: Record, q: Record, c: Record, w: Record, k: int) -> float:
     """A current over the pickup, 0 where the stage has nothing to do with it."""
     if c.emergency and not q.fuse_failure:
         return 0.0
+    if c.quantity != PHASE and q.missing:  # a current that is missing makes a residual of its own
+        return 0.0
     m = math.sqrt(size2(operating_current(q, c, k))) / c.pickup
     if c.direction == 0 or m < c.dropout:
         return m

@@ -33,6 +33,7 @@ from faultloop.relay.functions.function import Function, Polygon
 from faultloop.relay.loop_fit import FIRST, SECOND, fit, gather
 from faultloop.relay.memory import A2, A, at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
+from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -234,7 +235,7 @@ def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex
 
 @njit
 def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
-    """m of a quadrilateral zone; OUTSIDE beyond its resistive reach."""
+    """m of a quadrilateral zone, or the part of its resistive reach, whichever is nearer to its border."""
     drop = at_frequency(g, q.memory, c.reach) * i
     polarizing, fault = fault_currents(g, q, loop, i)
     polarizing = polarizing * c.tilt.conjugate()
@@ -243,12 +244,12 @@ def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: comple
     r = (v * axis).imag / (fault * axis).imag
     if c.direction < 0:
         r = -r
-    reach = c.resistive_ground if loop < 3 else c.resistive_phase
-    if not abs(r) < reach:
+    beside = abs(r) / (c.resistive_ground if loop < 3 else c.resistive_phase)
+    if not beside < OUTSIDE:
         return OUTSIDE
     if c.direction == 0:
-        return abs(m)
-    return m if m > -0.15 - 0.27 * abs(r) / abs(c.reach) else OUTSIDE
+        return max(abs(m), beside)
+    return max(m, beside) if m > -0.15 - 0.27 * abs(r) / abs(c.reach) else OUTSIDE
 
 
 @njit
@@ -271,10 +272,10 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
 def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> float:
     """m by the samples of the loop, with ``doubt`` times what the fit leaves added to it.
 
-    The window is half a cycle, and grows with the disturbance to one and a half: what still resonates then is
-    the slower the longer it has lasted, and wants a longer mean.
+    The window is two fifths of a cycle, and grows with the disturbance to one and a half: what still rings
+    then is the slower the longer it has lasted, and wants a longer mean.
     """
-    length = min(max(2 * q.memory.age, g.cycle), 3 * g.cycle) * g.values // (2 * g.cycle)
+    length = min(max(10 * q.memory.age, 4 * g.cycle), 15 * g.cycle) * g.values // (10 * g.cycle)
     mean = max(length // 3, 1)
     sums = gather(g, q.recent, (c.reach, c.k0 * c.reach), loop, mean, length - mean)
     m, left = fit(sums, -1 if c.direction < 0 else 1)
@@ -394,8 +395,10 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         reset_zone(w)
         return
     if q.fed:
-        blocked = (q.blocked_zones >> c.number) & 1
-        step_zone(g, q, c, w, 0 if blocked else q.released & c.loops & ~q.blocked_loops)
+        mask = q.released & c.loops & ~q.blocked_loops
+        if c.direction > 0:  # of two faults the one behind is in no loop that looks ahead
+            mask &= ~loops_of(q.behind)
+        step_zone(g, q, c, w, 0 if (q.blocked_zones >> c.number) & 1 else mask)
         q.zone_started |= w.pickup
     q.inside |= w.counter > 0
     q.pilot |= w.pickup & c.pilot

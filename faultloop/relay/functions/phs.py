@@ -18,6 +18,7 @@ select by superimposed phase-phase currents; the voltage term is ours, for weak 
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any
 
 from numpy.typing import NDArray
@@ -25,8 +26,9 @@ from pydantic import Field
 
 from faultloop.config.tables import Positive, Table
 from faultloop.jit import njit
+from faultloop.relay.currents import blocked_loops
 from faultloop.relay.functions.function import Function
-from faultloop.relay.memory import size2, weight
+from faultloop.relay.memory import A2, A, positive_sequence, size2, weight
 from faultloop.relay.quantities import LOOPS, Record, indicate
 from faultloop.relay.voltages import loops_of
 
@@ -35,8 +37,17 @@ if TYPE_CHECKING:
 
 STILL = 0.08
 """Of the whole change, within a sixteenth of a cycle."""
+SIDE_COSINE = 0.6
+"""Of the angle between a phase's drop and its voltage before: nearer to square, and its side is not known."""
+TAKES_PART = 0.3
+"""Of the greatest change of a phase voltage and of a phase current: less, and the phase is healthy."""
+FALLS = 0.5
+"""Cosine of the angle between a voltage's change and its fall."""
 LOOP_MASK = (0, 1, 2, 4, 8, 16, 32, 56)
 """Loops released by fault type."""
+TYPE_OF_PHASES = (0, 1, 2, 4, 3, 6, 5, 7)
+"""Fault type by the mask of its phases."""
+PHASE_TURN = (complex(1), A2, A)
 
 
 class Phs(Table):
@@ -97,14 +108,61 @@ def classify_without_load(g: Record, q: Record, c: Record) -> int:
 
 
 @njit
+def side(g: Record, q: Record, phase: int) -> int:
+    """Where a phase's own fault is: 1 ahead, -1 behind, 0 not known, or the phase is healthy.
+
+    By the change of its current alone, against its voltage before: the residual current has the other phases'
+    faults in it.
+    """
+    before = PHASE_TURN[phase] * positive_sequence(q.memory.reference)
+    dv, drop = q.d[phase], g.z1 * q.d[3 + phase]
+    voltage2 = current2 = 0.0
+    for k in range(3):
+        voltage2 = max(voltage2, size2(q.d[k]))
+        current2 = max(current2, size2(q.d[3 + k]))
+    if size2(dv) < TAKES_PART**2 * voltage2 or size2(q.d[3 + phase]) < TAKES_PART**2 * current2:
+        return 0
+    if -(dv * before.conjugate()).real < FALLS * math.sqrt(size2(dv) * size2(before)):
+        return 0
+    along, most = (drop * before.conjugate()).real, math.sqrt(size2(drop) * size2(before))
+    if along > SIDE_COSINE * most:
+        return 1
+    return -1 if along < -SIDE_COSINE * most else 0
+
+
+@njit
+def watch_sides(g: Record, q: Record, w: Record) -> None:
+    """Keep how long each phase's own fault has been on its side: in samples of phasors that stand still, as
+    what rings can look like anything.  Of the memory's reference, and so for as long as it polarizes."""
+    still = q.memory.drift < STILL**2 * weight(g, q.d)
+    for phase in range(3):
+        now = side(g, q, phase) if q.memory.age <= g.memory else 0
+        w.stood[phase] = w.stood[phase] + still if now == w.side[phase] else 0
+        w.side[phase] = now
+
+
+@njit
+def phases_at(g: Record, w: Record, of_side: int) -> int:
+    """Mask of the phases whose own fault has been on this side for half a cycle."""
+    mask = 0
+    for phase in range(3):
+        if w.side[phase] == of_side and 2 * w.stood[phase] >= g.cycle:
+            mask |= 1 << phase
+    return mask
+
+
+@njit
 def select(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the phase selection, during a disturbance.
 
-    A type must stand for a sixteenth of a cycle while the phasors stand still, or for a cycle while
+    A type must stand for a sixteenth of a cycle while the phasors stand still, or for half a cycle while
     the estimator is still on its way to the fault's state: on the way each phase has its own transient,
     and a three-phase fault can look like a two-phase one.  Once settled, the type is changed only while
     something moves - a slow swing during a long fault is no new fault - and not where the far end's opening
     explains it, which takes the load away from the healthy phases.
+
+    Of two faults on two sides (cross-country) the change tells neither: the type is that of the phases ahead,
+    as a loop on the line still measures its own.
     """
     candidate = classify(g, c, q.d, q.change)
     settled = w.fault != 0 and q.memory.age >= 2 * g.cycle
@@ -114,19 +172,26 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
         w.candidate = candidate
         w.count = 0
     still = q.memory.drift < STILL**2 * weight(g, q.d)
-    w.count += 16 if still or candidate == 7 else 1
-    if w.count >= g.cycle and (q.memory.moving or not settled):
+    w.count += 16 if still or candidate == 7 else 2
+    watch_sides(g, q, w)
+    w.behind = phases_at(g, w, -1)
+    w.crossed = TYPE_OF_PHASES[phases_at(g, w, 1)] if w.behind else 0
+    if w.crossed:
+        w.fault = w.crossed
+    elif w.count >= g.cycle and (q.memory.moving or not settled):
         w.fault = candidate
 
 
 @njit
 def released(q: Record, fault: int) -> int:
-    """Mask of the loops that may start: those of the fault type, without dead poles and missing voltages.
+    """Mask of the loops that may start: those of the fault type, without dead poles and what is missing.
 
     In the dead time of a single-pole trip a dead pole's loops see what the other phases induce.
     """
     mask = LOOP_MASK[fault]
-    return mask & ~loops_of(q.dead | (7 & ~q.proven)) if mask else 0
+    if mask == 0:
+        return 0
+    return mask & ~loops_of(q.dead | q.missing | (7 & ~q.proven)) & ~blocked_loops(q)
 
 
 @njit
@@ -135,10 +200,11 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if q.disturbed:
         select(g, q, c, w)
     else:
-        w.fault = 0
-        w.candidate = 0
-        w.count = 0
+        w.fault = w.candidate = w.count = w.crossed = w.behind = 0
+        w.side[:] = 0
     q.fault = w.fault
+    q.crossed = w.crossed
+    q.behind = w.behind
     q.released = released(q, w.fault)
     indicate(q, c.bit, q.released)
 
@@ -149,7 +215,15 @@ PHS = Function(
     step=step,
     constants=(("single_phase", "f8"), ("three_phase", "f8")),
     values=values,
-    state=(("fault", "i8"), ("candidate", "i8"), ("count", "i8")),
+    state=(
+        ("fault", "i8"),
+        ("candidate", "i8"),
+        ("count", "i8"),
+        ("side", "i8", (3,)),  # of each phase's own fault at this sample: 1 ahead, -1 behind
+        ("stood", "i8", (3,)),  # samples of still phasors for which it has been there
+        ("behind", "i8"),  # mask of phases, once it has stood
+        ("crossed", "i8"),  # type of the fault ahead where there is one behind, too
+    ),
     always=True,
     bits=LOOPS,
     told=False,

@@ -13,8 +13,9 @@ What else comes with an energised line must not be taken for a fault:
 - the inrush of a transformer: a loop whose current has a second harmonic waits;
 - no voltage transformer, or one phase of it: a loop counts only if the voltages of its phases were there
   before the line was dead (`faultloop.relay.voltages`), or are there now; one phase that has none beside
-  others that do must show in the residual current.  Where no voltage was ever seen, an impedance of zero is
-  none; ``current_a`` then is the only way to trip, set above load and inrush.
+  others that do must show in the residual current, and none at all goes with the balanced currents of a
+  three-phase fault.  Where no voltage was ever seen, an impedance of zero is none; ``current_a`` then is the
+  only way to trip, set above load and inrush.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ THERE = 0.1
 """Of the greatest phase voltage: above it a phase has a voltage now, ..."""
 OVER_NOTHING = (0.1, 0.01)
 """... if it is above these parts of the minimum voltage and of the drop along the line."""
+BALANCED = 0.25
+"""I0 and I2 over I1: no voltage in all phases goes with a three-phase fault alone, and its currents."""
 RESIDUAL = 0.5
 """Of the greatest phase current: 3I0 above it is an earth fault's."""
 INRUSH = 0.15
@@ -109,6 +112,8 @@ def measured_loops(g: Record, q: Record, proven: int) -> int:
     for phase in range(3):
         if size2(q.x[phase]) > max(THERE**2 * voltage, floor):
             there |= 1 << phase
+    if there == 0 and max(size2(q.sequence[3]), size2(q.sequence[5])) > BALANCED**2 * size2(q.sequence[4]):
+        return 0
     mask = ~loops_of(7 & ~(proven | there))
     if voltage > floor and size2(q.x[3] + q.x[4] + q.x[5]) > RESIDUAL**2 * current:
         mask |= 0b000111

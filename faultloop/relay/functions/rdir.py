@@ -5,7 +5,8 @@ phasors still ring.  It stands until something else is seen for a cycle, with ph
 and not in the first two cycles: then the fault has changed sides, or what was switched is no single
 fault; the power of the change must go the other way meanwhile, as a network that resonates near the nominal
 frequency looks capacitive, and its impedance then is that of a fault on the other side.  That, and where the
-energy has no sign, is judged by impedance.
+energy has no sign, is judged by impedance.  Where PHS tells a fault ahead from one behind in other phases,
+the direction is that of the one ahead.
 
 What a fault adds to a sequence network has V / I = -Zs of the source behind for a forward fault, and
 plus the impedance of the line and the source ahead for a reverse one; half the line's impedance lies between
@@ -174,6 +175,12 @@ def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
 
 
 @njit
+def forget(w: Record) -> None:
+    """Back to rest."""
+    w.direction = w.candidate = w.count = w.contrary = w.changed = w.crossed = 0
+
+
+@njit
 def decide(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the directional element, during a disturbance; with ``q.polarizing``.
 
@@ -181,20 +188,25 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
     """
     q.polarizing = polarizing_voltage(g, q)
     if q.dead == ALL_POLES:  # an open line has no direction
-        w.direction = w.candidate = w.count = w.contrary = w.changed = 0
+        forget(w)
         return
     candidate = indication(g, q, c)
     if candidate == AS_BEFORE:
         return
     w.count = w.count + 1 if candidate == w.candidate else 1
     w.candidate = candidate
+    if q.crossed:
+        w.crossed = 1
     if q.memory.age <= YOUNG_CYCLES * g.cycle:
         w.changed = w.contrary = 0
     elif contradicts(g, q, w, candidate):
         w.changed = 1
+    w.changed |= w.crossed
     if q.fault == 0:
         return
-    if q.energy.direction != 0 and not w.changed:
+    if q.crossed:
+        w.direction = 1
+    elif q.energy.direction != 0 and not w.changed:
         w.direction = q.energy.direction
     elif q.memory.age > g.cycle and w.count * 16 >= g.cycle:
         w.direction = candidate
@@ -206,7 +218,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if q.disturbed and not q.fuse_failure:
         decide(g, q, c, w)
     else:
-        w.direction = w.candidate = w.count = w.contrary = w.changed = 0
+        forget(w)
     q.direction = w.direction
     indicate(q, c.bit, w.direction > 0)
     indicate(q, c.bit + 1, w.direction < 0)
@@ -231,6 +243,7 @@ RDIR = Function(
         ("power", "f8"),  # sums over them: of the change's power ...
         ("apparent", "f8"),  # ... and of what it could be
         ("changed", "i8"),
+        ("crossed", "i8"),  # there have been faults on both sides: the energy is that of two
     ),
     always=True,
     bits=("DirFwd", "DirRev"),

@@ -38,13 +38,13 @@ def test_every_type_is_told(network: str, kind: str) -> None:
         assert released == ({"AB", "BC", "CA"} if wanted == "ABC" else {wanted})
 
 
-def test_a_type_must_stand_for_a_sixteenth_of_a_cycle_or_a_cycle_while_it_moves() -> None:
+def test_a_type_must_stand_for_a_sixteenth_of_a_cycle_or_half_a_cycle_while_it_moves() -> None:
     k = disturbed(NETWORKS["strong"], "AG")
     k.step(count=SIXTEENTH - 1)
     assert (k.q["fault"], k.q["pickup"]) == (0, 0)
     k = disturbed(NETWORKS["strong"], "AG")
     k.q["memory"]["drift"] = float("inf")
-    k.step(count=95)
+    k.step(count=47)
     assert k.q["fault"] == 0
     k.step()
     assert FAULTS[int(k.q["fault"])] == "AG"

@@ -1,0 +1,91 @@
+"""A current or a voltage missing at run time: what needs it is blocked, it is told, and nothing trips."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from faultloop.relay import Relay, RelaySettings
+from tests.relay.network import Network, settings_dict
+from tests.relay.test_not_ready import run
+
+PHASES = ("A", "B", "C", "AB", "BC", "AC", "ABC")
+ZONES = [
+    {"zone": 1, "reach_pu": 0.8},
+    {"zone": 1, "reach_pu": 0.8, "characteristic": "quad", "resistive_reach_ohm": 20.0},
+    {"zone": 2, "reach_pu": 1.2, "delay_ms": 300.0},
+    {"zone": 3, "reach_pu": 0.5, "direction": "reverse", "delay_ms": 600.0},
+]
+STAGES = [
+    {"quantity": "residual", "pickup_a": 100.0, "delay_ms": 40.0},
+    {"quantity": "negative-sequence", "pickup_a": 100.0, "delay_ms": 40.0},
+]
+LOAD_S, FAULT_S, END_S = 0.3, 0.61, 0.85
+"""When a channel is lost, in load, and when a fault begins."""
+
+
+def relay(network: Network, **tables: object) -> Relay:
+    header = {"frequency_hz": 50, "sampling_hz": 4800, "nominal_kv": network.kv}
+    data = settings_dict(network, ZONES, estimator={"method": "kalman-bank"}, relay=header, **tables)  # type: ignore[arg-type]
+    return Relay(RelaySettings.from_dict(data))
+
+
+def lost(x: np.ndarray, phases: str, first: int, from_s: float) -> np.ndarray:
+    """Without the channels of some phases; ``first`` is 0 for voltages and 3 for currents."""
+    x = x.copy()
+    x[round(4800 * from_s) :, [first + "ABC".index(p) for p in phases]] = 0.0
+    return x
+
+
+def samples(network: Network, kind: str = "", at: float = 0.0) -> np.ndarray:
+    """Load, and from `FAULT_S` on a fault."""
+    stages = [(0.0, network.solve()), *([(FAULT_S, network.solve(kind, at))] if kind else [])]
+    return network.samples(stages, END_S)
+
+
+@pytest.mark.parametrize("from_s", [0.0, LOAD_S])
+@pytest.mark.parametrize("angle", [-15.0, 15.0])
+def test_load_with_a_current_missing(from_s: float, angle: float) -> None:
+    """Residual and negative-sequence current are then as large as the load, and mean nothing."""
+    network = Network(angle_deg=angle)
+    for phases in PHASES:
+        trips, texts = run(relay(network, ptoc=STAGES), lost(samples(network), phases, 3, from_s))
+        assert not trips, (phases, trips)
+        told = [text for text in texts if f"no current of phase {phases} " in text]
+        assert len(told) == (phases != "ABC"), (phases, texts)
+
+
+def test_a_current_that_comes_back_is_told() -> None:
+    network = Network()
+    whole = samples(network)
+    x = np.concatenate([lost(whole, "B", 3, 0.0)[:2400], whole[2400:]])  # 0.5 s: a whole number of cycles
+    _, texts = run(relay(network), x)
+    assert [text for text in texts if text.startswith("LPHD1")][-1] == "LPHD1 ready"
+
+
+@pytest.mark.parametrize("first", [0, 3])
+@pytest.mark.parametrize(("angle", "from_s"), [(-15.0, 0.0), (15.0, LOAD_S), (0.0, 0.0), (0.0, LOAD_S)])
+def test_a_fault_outside_with_a_phase_missing(first: int, angle: float, from_s: float) -> None:
+    """Behind the relay and at the far end; with load before it, and without, when nobody is warned.
+
+    Without load nobody can tell that all voltages are lost from a line that is dead: then a three-phase fault
+    counts as one close in that the line is switched onto, and is left out.
+    """
+    network = Network(angle_deg=angle)
+    for phases in PHASES:
+        for kind in ("AG", "BC", "CAG", "ABC"):
+            if (first, angle, from_s, phases, kind) == (0, 0.0, LOAD_S, "ABC", "ABC"):
+                continue
+            for at in (-1.0, 1.0):
+                x = lost(samples(network, kind, at), phases, first, from_s)
+                trips, _ = run(relay(network), x)
+                assert not trips, (phases, kind, at, trips)
+
+
+@pytest.mark.parametrize("angle", [-15.0, 0.0])
+def test_what_does_not_need_the_missing_current_still_trips(angle: float) -> None:
+    """Phase B is missing: C-A on the line does not need it."""
+    network = Network(angle_deg=angle)
+    trips, _ = run(relay(network), lost(samples(network, "CA", 0.3), "B", 3, 0.0))
+    assert trips[0][1].loop == "CA"
+    assert 1000 * (trips[0][0] / 4800 - FAULT_S) < 30
