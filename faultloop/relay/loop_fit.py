@@ -31,6 +31,8 @@ Sums = tuple[float, float, float, float, float, float]
 FIRST = (0, 1, 2, 0, 1, 2)
 SECOND = (1, 2, 0, 1, 2, 0)
 SINGULAR = 1e-6
+BEHIND = (0.1, 0.27, 0.25)
+"""How far behind the relay m may be: for any fault, for its resistance over the reach, for what is left."""
 
 
 @njit
@@ -70,17 +72,28 @@ def gather(g: Record, r: Record, drop: Drop, loop: int, mean: int, window: int) 
 
 
 @njit
-def fit(sums: Sums, sign: int) -> tuple[float, float]:
-    """m, and the root mean square of what is left over that of u; infinite where there is no current.  r is
+def fit(sums: Sums, sign: int) -> tuple[float, float, float]:
+    """m, the root mean square of what is left over that of u, and r [ohm]; infinite without a current.  r is
     not negative for a loop that looks along ``sign``."""
     uu, uv, vv, uf, ff, vf = sums
     if not uu > 0.0:
-        return np.inf, np.inf
-    m, left = uv / uu, vv - uv * uv / uu
+        return np.inf, np.inf, 0.0
+    m, left, r = uv / uu, vv - uv * uv / uu, 0.0
     determinant = uu * ff - uf * uf
     if determinant > SINGULAR * uu * ff:
-        r = (vf * uu - uv * uf) / determinant
-        if r * sign > 0.0:
+        along = (vf * uu - uv * uf) / determinant
+        if along * sign > 0.0:
+            r = along
             m = (uv * ff - vf * uf) / determinant
             left = vv - m * uv - r * vf
-    return m, math.sqrt(max(left, 0.0) / uu)
+    return m, math.sqrt(max(left, 0.0) / uu), r
+
+
+@njit
+def doubted(sums: Sums, direction: int, reach: float, doubt: float) -> float:
+    """m with ``doubt`` times what the fit leaves added; infinite for one behind a loop with a direction."""
+    m, left, r = fit(sums, -1 if direction < 0 else 1)
+    if direction == 0:
+        return abs(m) + doubt * left
+    behind = BEHIND[0] + BEHIND[1] * abs(r) / reach + BEHIND[2] * left
+    return m + doubt * left if m > -behind else np.inf

@@ -186,7 +186,8 @@ def waves(frequencies: tuple[float, ...], depth: float, arc: float) -> tuple[np.
 def test_the_fit_is_exact_for_every_waveform(window: tuple[int, int], arc: float) -> None:
     v, i = waves((50.0, 137.0, 251.0), 0.6, arc)
     sums = gather(CONSTANTS[0], recent(v, i)[0], (4 + 30j, 0j), 0, *window)
-    m, left = fit(sums, 1)
+    m, left, r = fit(sums, 1)
+    assert r == pytest.approx(arc, abs=0.05)
     assert m == pytest.approx(0.6, abs=0.01)
     assert left < 0.03
 
@@ -196,11 +197,11 @@ def test_the_fit_says_where_the_waveforms_differ() -> None:
     v, i = waves((50.0,), 1.5, 0.0)
     ringing = 600.0 * np.sin(2 * np.pi * 170 * np.arange(LENGTH) / SAMPLING_HZ)
     sums = gather(CONSTANTS[0], recent(v, i + ringing)[0], (4 + 30j, 0j), 0, 16, 32)
-    m, left = fit(sums, 1)
+    m, left, _ = fit(sums, 1)
     assert m + 2 * left > 1.0
     assert left > 0.2
 
 
 def test_no_current_is_no_depth() -> None:
     sums = gather(CONSTANTS[0], recent(np.ones(LENGTH), np.zeros(LENGTH))[0], (4 + 30j, 0j), 0, 16, 32)
-    assert fit(sums, 1) == (np.inf, np.inf)
+    assert fit(sums, 1) == (np.inf, np.inf, 0.0)

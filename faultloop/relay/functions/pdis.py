@@ -30,7 +30,7 @@ from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
 from faultloop.errors import nearest
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function, Polygon
-from faultloop.relay.loop_fit import FIRST, SECOND, fit, gather
+from faultloop.relay.loop_fit import FIRST, SECOND, doubted, gather
 from faultloop.relay.memory import A2, A, at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
 from faultloop.relay.voltages import loops_of
@@ -52,8 +52,8 @@ CROSS_PHASE = complex(0, -(3**0.5))
 SELF_OFFSET = 0.05
 HYSTERESIS = 1.05
 OUTSIDE = np.inf
-DOUBT = 2.0
-"""How much what the fit leaves counts against the depth."""
+DOUBT, STAYS = 2.0, 0.5
+"""How much what the fit leaves counts against the depth; the part that does however long a fault is inside."""
 BY_PHASORS = 0.0
 WEAK = 2.5
 """Source over line, from the change of voltages and currents."""
@@ -270,7 +270,7 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
 
 @njit
 def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> float:
-    """m by the samples of the loop, with ``doubt`` times what the fit leaves added to it.
+    """m by the samples of the loop, with ``doubt`` times what the fit leaves added; OUTSIDE for one behind.
 
     The window is two fifths of a cycle, and grows with the disturbance to one and a half: what still rings
     then is the slower the longer it has lasted, and wants a longer mean.
@@ -278,8 +278,7 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
     length = min(max(10 * q.memory.age, 4 * g.cycle), 15 * g.cycle) * g.values // (10 * g.cycle)
     mean = max(length // 3, 1)
     sums = gather(g, q.recent, (c.reach, c.k0 * c.reach), loop, mean, length - mean)
-    m, left = fit(sums, -1 if c.direction < 0 else 1)
-    return (abs(m) if c.direction == 0 else m) + doubt * left
+    return doubted(sums, c.direction, abs(c.reach), doubt)
 
 
 @njit
@@ -352,7 +351,7 @@ def doubt(g: Record, q: Record, w: Record) -> float:
         if ratio > WEAK:
             wait = min(LONGEST, LONGEST - 1.0 + ratio / STRONGER)
             return DOUBT if q.memory.age >= wait * g.cycle else np.inf
-    return DOUBT * min(1.0, g.cycle / w.inside)
+    return DOUBT * min(1.0, max(g.cycle / w.inside, STAYS))
 
 
 @njit
