@@ -53,7 +53,7 @@ SELF_OFFSET = 0.05
 HYSTERESIS = 1.05
 OUTSIDE = np.inf
 DOUBT, STAYS = 2.0, 0.5
-"""How much what the fit leaves counts against the depth; the part that does however long a fault is inside."""
+"""How much what the fit leaves counts against the depth; the part that does however long it is inside."""
 BY_PHASORS = 0.0
 WEAK = 2.5
 """Source over line, from the change of voltages and currents."""
