@@ -16,6 +16,7 @@ from faultloop.relay.functions.ptov import PTOV
 from faultloop.relay.functions.ptrc import PTRC
 from faultloop.relay.functions.ptuf import PTUF
 from faultloop.relay.functions.ptuv import PTUV
+from faultloop.relay.functions.rbrf import RBRF
 from faultloop.relay.functions.rdir import RDIR
 from faultloop.relay.functions.rflo import RFLO
 from faultloop.relay.functions.rpsb import RPSB
@@ -25,6 +26,6 @@ from faultloop.relay.functions.zload import ZLOAD
 FUNCTIONS: tuple[Function, ...] = (
     *(TVTR, RPSB, PHS, ZLOAD, RDIR, PDIS, PSOF),
     *(PIOC, PTOC, PTUV, PTOV, PTUF, PTOF, PFRC, ELEMENT),
-    *(PTRC, RFLO, LPHD),
+    *(RBRF, PTRC, RFLO, LPHD),
 )
 """In the order in which a sample goes through them."""

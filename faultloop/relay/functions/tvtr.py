@@ -15,9 +15,9 @@ impedance, undervoltage, directional overcurrent; overcurrent stages for this ca
 are released.
 
 It ends when all voltages are back, for ``reset_ms``.  And it ends at once where it was none: a fault, of a
-source so weak that its current shows later than its voltage, brings the current within a cycle; a voltage
-that has only sagged, no phase being lost, makes way for an unbalanced current until ``latch_s`` have
-passed.
+source so weak that its current shows later than its voltage, brings half as much current again within a
+cycle; a voltage that has only sagged, no phase being lost, makes way for an unbalanced current until
+``latch_s`` have passed.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ LOST = 0.7
 phases a phase without a fuse still has half)."""
 BACK = 0.8
 """Of what it was: above it it is there again."""
+FAULTS_CURRENT = 1.5
+"""Of the current before."""
 BALANCED = 0.5
 """Of the unbalance that is a failure: below it the voltages are balanced again."""
 Part = Annotated[float, Field(gt=0, lt=1)]
@@ -147,6 +149,13 @@ def is_back(q: Record, c: Record, w: Record) -> bool:
 
 
 @njit
+def is_fed_by_a_fault(g: Record, q: Record) -> bool:
+    """Whether a current has grown by more than a load does at a time."""
+    limit = max(FAULTS_CURRENT**2 * greatest2(q.memory.reference[3:]), g.open_current**2)
+    return q.fed != 0 and greatest2(q.x[3:]) > limit
+
+
+@njit
 def follow(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of a failure."""
     w.age += 1
@@ -154,7 +163,7 @@ def follow(g: Record, q: Record, c: Record, w: Record) -> None:
     w.lost |= lost_phases(q, w.before)
     unbalanced = is_unbalanced(g, q, c)
     w.well = w.well + 1 if is_back(q, c, w) else 0
-    fault_after_all = young and (unbalanced or q.fed)
+    fault_after_all = young and (unbalanced or is_fed_by_a_fault(g, q))
     sag = unbalanced and w.lost == 0 and w.age <= c.latch
     if fault_after_all or sag or w.well > c.reset:
         w.on = w.count = 0

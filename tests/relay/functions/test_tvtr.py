@@ -90,11 +90,12 @@ def test_an_earth_fault_of_an_isolated_network_is_none() -> None:
 
 
 def test_a_current_that_comes_within_a_cycle_is_a_fault_after_all() -> None:
-    k = failing("A")
-    k.step(count=QUARTER)
-    k.q["fed"] = 1
-    k.step(count=CYCLE // 2)
-    assert k.q["fuse_failure"] == 0
+    for part, stays in ((0.2, 1), (1.3, 1), (1.6, 0)):  # the first two are changes of load
+        k = failing("ABC")
+        k.step(count=QUARTER)
+        k.q["fed"], k.q["x"][3:] = 1, part * k.q["memory"]["reference"][3:]
+        k.step(count=CYCLE // 2)
+        assert k.q["fuse_failure"] == stays
 
 
 def test_a_later_one_is_a_fault_behind_a_blown_fuse_and_stays_blocked() -> None:
