@@ -8,8 +8,8 @@ length; and when a saturated current transformer's primary current is cut its fl
 decays for 100 ms (subsidence).  So the current is judged by samples: what flows is what goes up and
 down.  An eighth of a cycle of difference, i(t) - i(t - T/8), leaves the offset of a fault's current and a
 subsidence as something small and of one sign; current flows where the difference has been above the limit
-and below its negative within the last 11/16 of a cycle, half the limit once it flows.  That is over three
-quarters of a cycle after the current's last zero at the latest.
+and below its negative within the last five eighths of a cycle (a third of it once it flows).  That is over
+three quarters of a cycle after the current's last zero at the latest.
 """
 
 from __future__ import annotations
@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 
 GAIN = 2 * math.sin(math.pi / 8)
 """Of a difference over an eighth of a cycle, for the fundamental."""
-DROPOUT = 0.5
-"""Of the limit, once current flows: a sinusoid of the limit's size is above it at every 240 degrees."""
+DROPOUT = 0.35
+"""Of the limit, once current flows: a sinusoid of the limit's size is out of that for 221 degrees at a
+time."""
 
 
 class Rbrf(Table):
@@ -76,7 +77,7 @@ def watch(g: Record, q: Record, c: Record, w: Record, phase: int) -> bool:
     limit = DROPOUT * c.limit if w.flows[phase] else c.limit
     w.above[phase] = 0 if now - before > limit else w.above[phase] + 1
     w.below[phase] = 0 if before - now > limit else w.below[phase] + 1
-    w.flows[phase] = 16 * max(w.above[phase], w.below[phase]) < 11 * g.cycle
+    w.flows[phase] = 8 * max(w.above[phase], w.below[phase]) < 5 * g.cycle
     return w.flows[phase] != 0
 
 

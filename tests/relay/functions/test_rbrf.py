@@ -37,16 +37,20 @@ def current(
 def opened(
     wave: np.ndarray, left: float = 0.0, tau_s: float = 0.06, tail_s: float = 0.2
 ) -> tuple[np.ndarray, int]:
-    """Cut at the last zero, and from there so much of the crest as subsidence."""
+    """Cut at the last zero; what the core has taken by then, so much of the crest, it gives back (subsidence).
+
+    The secondary current does not jump: the exciting current has grown within the last 5 ms.
+    """
     zero = int(np.flatnonzero(np.diff(np.sign(wave)))[-1]) + 1
+    size = left * np.abs(wave).max()
     t = np.arange(round(tail_s * FS)) / FS
-    sign = np.sign(wave[zero - 2])
-    return np.r_[wave[:zero], sign * left * np.abs(wave).max() * np.exp(-t / tau_s)], zero
+    taken = size * np.exp((np.arange(zero) - zero) / FS / 0.005)
+    return np.r_[wave[:zero] + taken, size * np.exp(-t / tau_s)], zero
 
 
-@pytest.mark.parametrize("rms", [210.0, 2000.0, 20e3])
+@pytest.mark.parametrize("rms", [300.0, 2000.0, 20e3])
 @pytest.mark.parametrize("offset", [0.0, 1.0])
-@pytest.mark.parametrize("left", [0.0, 0.3, 0.7])
+@pytest.mark.parametrize("left", [0.0, 0.5, -0.5])
 @pytest.mark.parametrize("tau_s", [0.03, 0.1])
 def test_the_detector_resets_within_15_ms_with_subsidence_too(
     rms: float, offset: float, left: float, tau_s: float
@@ -55,7 +59,7 @@ def test_the_detector_resets_within_15_ms_with_subsidence_too(
     for angle in np.radians(range(0, 360, 30)):
         wave, zero = opened(current(rms, 0.14, offset, 0.05, angle), left, tau_s)
         on = run(Kernel(RBRF, TABLE | {"backup_ms": 1000.0}), wave)[:, 1] & 1
-        assert on[2 * CYCLE : zero].all(), "it flows"
+        assert on[2 * CYCLE : zero - CYCLE // 4].all(), "it flows"
         gone = np.flatnonzero(on)[-1] + 1 - zero
         assert gone / FS <= 0.015, (angle, 1000 * gone / FS)
 
