@@ -37,7 +37,7 @@ def current(
 def opened(
     wave: np.ndarray, left: float = 0.0, tau_s: float = 0.06, tail_s: float = 0.2
 ) -> tuple[np.ndarray, int]:
-    """Cut at the last zero; what the core has taken by then, so much of the crest, it gives back (subsidence).
+    """Cut at the last zero; what the core has taken by then, so much of the crest, it gives back.
 
     The secondary current does not jump: the exciting current has grown within the last 5 ms.
     """
