@@ -130,7 +130,8 @@ class Plant:
             for name, own in self._breakers.items()
         ]
         switches = new_switches(self._model, actions, breakers, self.sampling_hz)
-        self.parts = PlantParts(self._model.network, state, watch, front, switches)
+        net, front = _contiguous(self._model.network), _contiguous(front)
+        self.parts = PlantParts(net, state, watch, front, switches)
         self._samples = np.empty((0, len(tables.relay), 6))
         self.samples = self._samples
 
@@ -288,6 +289,14 @@ class Plant:
 
     def _now_ns(self) -> int:
         return int(self.parts.watch.clock[STEP]) * NS // self._rate
+
+
+def _contiguous(constants: Any) -> Any:
+    """Constants of which every array is laid out row by row: who calls a kernel by address calls it with the
+    same types for every network."""
+    if isinstance(constants, np.ndarray):
+        return np.ascontiguousarray(constants)
+    return constants._make(_contiguous(part) for part in constants)
 
 
 def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], State]:

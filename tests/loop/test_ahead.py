@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numba
 import pytest
 
 import faultloop
 from faultloop.loop import closed_loop, drive
 from faultloop.loop.case import Cases
-from faultloop.loop.scenario import load_scenario
+from faultloop.loop.scenario import Scenario, load_scenario
+from faultloop.plant import Plant
+from tests.plant.test_mutual import parallel
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+SHIPPED = sorted(path.name for path in SCENARIOS.glob("*.toml"))
 
 
 def told(result: faultloop.Result) -> tuple:
@@ -62,3 +66,11 @@ def test_a_warm_state_is_taken_again_and_is_the_same() -> None:
         result, outcome = faultloop.run(scenario, keep=False), cases.prepare(scenario).run()
         assert (outcome.trips, outcome.events) == (result.trips, result.events)
         assert outcome.fault_locations == result.fault_locations
+
+
+def test_every_plant_is_of_the_same_types() -> None:
+    """The loop calls kernels by address: they know no other types than those of the first plant."""
+    plants = {name: Plant(load_scenario(SCENARIOS / name)) for name in SHIPPED}
+    plants["coupled pi"] = Plant(Scenario.from_dict(parallel("pi")))
+    types = {name: numba.typeof(plant.parts) for name, plant in plants.items()}
+    assert [name for name, own in types.items() if own != types["ag-zone1.toml"]] == []
