@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import logging
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, cast
 
 from faultloop.errors import InputError
@@ -28,7 +30,7 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split())[:120]
         raise InputError(f"no cluster at '{address}' ({why})", key="--scheduler") from None
-    with client:
+    with client, _quiet():
         ready = as_completed(loop=client.loop)
         waiting = iter(todo)
         shared = client.scatter(job, broadcast=True)
@@ -59,6 +61,18 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
             future.release()
             yield number
             hand_out()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without dask's own word (and traceback) on a cluster that went away: the error is told in one line."""
+    logger = logging.getLogger("distributed")
+    before = logger.level
+    logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        logger.setLevel(before)
 
 
 def _made(job: Any, number: int) -> tuple[int, Any, Any]:
