@@ -30,7 +30,7 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split())[:120]
         raise InputError(f"no cluster at '{address}' ({why})", key="--scheduler") from None
-    with client, _quiet():
+    with _quiet(), client:
         ready = as_completed(loop=client.loop)
         waiting = iter(todo)
         shared = client.scatter(job, broadcast=True)
@@ -66,13 +66,15 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Without dask's own word (and traceback) on a cluster that went away: the error is told in one line."""
-    logger = logging.getLogger("distributed")
-    before = logger.level
-    logger.setLevel(logging.CRITICAL + 1)
+    names = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]
+    before = {name: logging.getLogger(name).level for name in names}  # dask gives some a level of their own
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
     try:
         yield
     finally:
-        logger.setLevel(before)
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _made(job: Any, number: int) -> tuple[int, Any, Any]:
