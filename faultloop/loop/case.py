@@ -19,7 +19,11 @@ from faultloop.loop.outcome import Cast, Fold, Outcome
 from faultloop.loop.recording import MemorySink, Recorder, Sink
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import WarmStates
+from faultloop.plant import Plants
 from faultloop.relay import Relay, RelaySettings, load_settings
+
+KEPT = 1000
+"""Settings that are known by sight."""
 
 
 @dataclass
@@ -39,10 +43,12 @@ class CaseOutcome(Outcome):
 class Prepared:
     """A case that is ready to run, as often as wanted; one at a time of the `Cases` that prepared it."""
 
-    def __init__(self, scenario: Scenario, relays: Mapping[str, _Kept], warm: WarmStates) -> None:
+    def __init__(
+        self, scenario: Scenario, relays: Mapping[str, _Kept], warm: WarmStates, plants: Plants
+    ) -> None:
         self.scenario = scenario
         self._relays = relays
-        self._warm = warm
+        self._warm, self._plants = warm, plants
 
     def run(self, sinks: Sequence[Sink] = ()) -> CaseOutcome:
         """The whole case; `sinks` (`faultloop.loop.recording.MemorySink`) get its samples and estimates."""
@@ -51,8 +57,10 @@ class Prepared:
         bus = Transport.alone(scenario.can)
         fold = Fold(Cast.of_scenario(scenario))
         curious = [sink for sink in sinks if not isinstance(sink, MemorySink)]
-        recorder = Recorder([fold, *sinks], None if curious else lambda n: fold.count_frames(n.tolist()))
-        loop = ClosedLoop(scenario, relays, recorder, bus, warm_up=self._warm.warm_up)
+        recorder = Recorder([fold, *sinks], None if curious else fold.count_frames)
+        loop = ClosedLoop(
+            scenario, relays, recorder, bus, warm_up=self._warm.warm_up, plant_of=self._plants.plant
+        )
         loop.run()
         return CaseOutcome(
             **vars(fold.outcome()),
@@ -70,7 +78,10 @@ class Cases:
     def __init__(self) -> None:
         self._files: dict[Any, RelaySettings] = {}
         self._relays: dict[tuple[str, str], _Kept] = {}
+        self._known: dict[tuple[str, int], tuple[RelaySettings, _Kept]] = {}
+        """By the settings' identity: to write them down takes longer than to look here."""
         self._warm = WarmStates()
+        self._plants = Plants()
 
     def prepare(self, scenario: Scenario, settings: Mapping[str, RelaySettings] | None = None) -> Prepared:
         """A case of `scenario`.
@@ -93,7 +104,8 @@ class Cases:
         }
         check_settings(scenario, own)
         names = [place.name for place in scenario.relay]
-        return Prepared(scenario, {name: self._kept(name, own[name]) for name in names}, self._warm)
+        kept = {name: self._kept(name, own[name]) for name in names}
+        return Prepared(scenario, kept, self._warm, self._plants)
 
     def _load(self, path: Any) -> RelaySettings:
         if path not in self._files:
@@ -101,9 +113,15 @@ class Cases:
         return self._files[path]
 
     def _kept(self, name: str, settings: RelaySettings) -> _Kept:
+        same = self._known.get((name, id(settings)))
+        if same is not None and same[0] is settings:
+            return same[1]
         key = (name, settings.model_dump_json())
         if key not in self._relays:
             self._relays[key] = _Kept(Relay(settings, name=name))
+        if len(self._known) >= KEPT:
+            self._known.clear()
+        self._known[name, id(settings)] = settings, self._relays[key]
         return self._relays[key]
 
 

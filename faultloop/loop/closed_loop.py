@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from functools import partial
 from operator import itemgetter
-from typing import Any
+from typing import Any, cast
 
+import numba
 import numpy as np
 
 from faultloop.errors import InputError, nearest
@@ -30,6 +30,7 @@ from faultloop.loop.warm import warm_up
 from faultloop.nodes import Command, Movement, with_followed_breakers
 from faultloop.nodes.block import RelayBlock
 from faultloop.nodes.clock import SampleClock
+from faultloop.nodes.tables import BusTables
 from faultloop.plant import Plant
 from faultloop.relay import Event, Relay
 from faultloop.relay.bank import bank_of
@@ -51,6 +52,7 @@ class ClosedLoop:
     without : breakers that are not simulated: the plant follows the status that somebody else on the bus
         publishes for them.
     warm_up : has the relays run over the time before sample 0.
+    plant_of : makes the plant.
     """
 
     def __init__(
@@ -63,11 +65,12 @@ class ClosedLoop:
         without: Collection[str] = (),
         *,
         warm_up: Callable[[Scenario, Sequence[Relay]], None] = warm_up,
+        plant_of: Callable[[BusTables], Plant] = Plant,
     ) -> None:
         self.scenario = scenario
         self._warm_up = warm_up
         left_out = _breakers_left_out(scenario, without)
-        self.plant = Plant(with_followed_breakers(scenario, left_out))
+        self.plant = plant_of(with_followed_breakers(scenario, left_out) if left_out else scenario)
         self.relays = [relays[place.name] for place in scenario.relay]
         self.recorder = recorder
         self.clock = SampleClock(self.plant.sampling_hz)
@@ -87,6 +90,8 @@ class ClosedLoop:
         self.deadlines = Deadlines(self.clock.ns(1))
         """Of the blocks, in a run that is paced."""
         self.interrupted = False
+        self.began_s = time.perf_counter()
+        """When the first sample was begun, on `time.perf_counter`: relays warm, everything compiled."""
         self._pace = pace
         # In real time a block must not keep anybody waiting; in simulated time it may be long.
         self._block = ROWS if pace is None else max(1, self.clock.sampling_hz // 1000)
@@ -96,6 +101,8 @@ class ClosedLoop:
     def run(self, progress: Callable[[float], None] | None = None) -> None:
         """From the first sample to the last."""
         self._begin()
+        self._compile()
+        self.began_s = time.perf_counter()
         started = time.monotonic()
         while self.sample_count < self.total and not self.interrupted:
             self._run_to(min(self.sample_count + self._block, self.total))
@@ -129,9 +136,18 @@ class ClosedLoop:
             for relay in self.relays:
                 relay.check_elements()
 
+    def _compile(self) -> None:
+        """What is to run; nothing where this process has done so, or the cache has it."""
+        loop = (self._course, self._traffic.x, self.plant.parts, self._bank)
+        kernels, follow = drive.kernels_for(*loop), cast(Any, drive.follow)
+        if not follow.overloads:
+            follow.compile(tuple(cast(Any, numba.typeof)(argument) for argument in (*loop, kernels)))
+        # its arguments have always the same types, which numba would find out again at every call
+        self._enter: Callable[..., int] = next(iter(follow.overloads.values())).entry_point
+
     def _follow(self) -> int:
         loop = (self._course, self._traffic.x, self.plant.parts, self._bank)
-        return drive.follow(*loop, drive.kernels_for(*loop))
+        return self._enter(*loop, drive.kernels_for(*loop))
 
     def _estimate(self) -> None:
         """What the plant has made, by estimators that are not compiled."""
@@ -153,7 +169,8 @@ class ClosedLoop:
     def _begin(self) -> None:
         for place, relay in zip(self.scenario.relay, self.relays, strict=True):
             self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
-            self._cold.append(relay.save())
+        if any(fault.kind == "restart" for fault in self.scenario.bus_fault):
+            self._cold = [relay.save() for relay in self.relays]
         self._warm_up(self.scenario, self.relays)
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
@@ -178,19 +195,19 @@ class ClosedLoop:
         now, bank = self._now, self._bank
         base, sample = int(now["base"]), int(now["sample"])
         for i, name in enumerate(self._relay_names):
-            if not bank.relay["away"][i] and sample > base:
+            if self.recorder.wants_blocks and not bank.relay["away"][i] and sample > base:
                 block = RelayBlock.of_bank(bank, self._course.samples, i, sample - base)
                 self.recorder.block(name, self.clock, base, block)
-        told: list[tuple[int, int, Callable[[], None]]] = []
-        for event in self._traffic.events():
-            told.append((event[0], 0, partial(self._traffic.tell, event)))
+        told: list[tuple[int, int, Any]] = [(event[0], -1, event) for event in self._traffic.events()]
         now["heard"] = 0
         for i in range(len(self.relays)):
-            for event in self._events_of(i, sample - base):
-                told.append((event.sample_count, 1, partial(self._record_events, i, [event])))
+            told += [(event.sample_count, i, event) for event in self._events_of(i, sample - base)]
         bank.notices[0] = 0
-        for _, _, tell in sorted(told, key=itemgetter(0, 1)):
-            tell()
+        for _, relay, event in sorted(told, key=itemgetter(0, 1)):
+            if relay < 0:
+                self._traffic.tell(event)
+            else:
+                self._record_events(relay, (event,))
         self._make_room(sample - base)
 
     def _events_of(self, number: int, count: int) -> Sequence[Event]:
@@ -207,9 +224,11 @@ class ClosedLoop:
     def _make_room(self, count: int) -> None:
         """The rows after the first `count` are the first ones from now on."""
         bank, end = self._bank, int(self._now["made"] - self._now["base"])
+        self._now["base"] += count
+        if end == count:
+            return
         for rows in (self._course.samples, *bank.phasors, *bank.loops):
             rows[: end - count] = rows[count:end]
-        self._now["base"] += count
 
     def changed(self, kind: str, index: int, t_ns: int, value: int) -> None:
         """A pole or a fault of the plant has."""

@@ -10,6 +10,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, State
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
@@ -140,6 +143,8 @@ class Fold:
     Messages of one topic must come in order of time, topics in any order.
     """
 
+    wants_blocks = False
+
     def __init__(self, cast: Cast) -> None:
         self._cast = cast
         self._trips: list[TripReport] = []
@@ -183,11 +188,10 @@ class Fold:
         if isinstance(state, State) and state.poles:
             list(self._frames.values())[number].append((t_ns, state.poles))
 
-    def count_frames(self, counts: Sequence[int]) -> None:
+    def count_frames(self, counts: NDArray[np.int64]) -> None:
         """In place of the frames themselves: how many there were, by identifier, at last of extended ones."""
-        for identifier, count in enumerate(counts):
-            if count:
-                self._count(identifier, identifier == len(counts) - 1, count)
+        for identifier in np.flatnonzero(counts).tolist():
+            self._count(identifier, identifier == len(counts) - 1, int(counts[identifier]))
 
     def _count(self, identifier: int, extended: bool, count: int) -> tuple[Kind | None, int]:
         kind, number = BY_IDENTIFIER.get(identifier, (None, 0))

@@ -150,6 +150,11 @@ class Recorder:
         self.sinks = list(sinks)
         self.counts = counts
 
+    @property
+    def wants_blocks(self) -> bool:
+        """Whether anybody takes samples and estimates."""
+        return any(getattr(sink, "wants_blocks", True) for sink in self.sinks)
+
     def add_relay(self, name: str, bits: Sequence[str], characteristics: Characteristics) -> None:
         for sink in self.sinks:
             sink.add_relay(name, bits, characteristics)

@@ -36,7 +36,7 @@ class Result:
     trips, faults, events : in order of time.
     expectations : one verdict for each `[[expect]]`.
     log : path of the MCAP log, None if none was written.
-    simulated_s, wall_s : how much time was simulated, and how long that took, compilation included.
+    simulated_s, wall_s : how much time was simulated, and how long it took, without compilation and warm-up.
     bus_load : part of the time in which the bus was busy, 0 to 1; None on a real bus.
     fault_locations : by relay, per unit of the line, NaN where none was found.
     rerun : the stream to rerun, if there is one; `serve` goes on until its `wait` ends.

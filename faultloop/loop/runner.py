@@ -82,7 +82,6 @@ def run(
     with _bus(scenario, can) as bus:
         # Everything that can be wrong is found before the first file is opened.
         loop = ClosedLoop(scenario, relays, recorder, bus, pace, without)
-        started = time.perf_counter()
         metadata, attachments = describe(scenario, own, overrides, without)
         start_ns = scenario.scenario.start_ns
         streams = open_streams(start_ns, log, rerun, scenario.scenario.name, metadata, attachments)
@@ -99,7 +98,7 @@ def run(
         except BaseException:
             recorder.abort()
             raise
-        wall_s = time.perf_counter() - started
+        wall_s = time.perf_counter() - loop.began_s
         load = bus.load(loop.simulated_ns)
     result = Result.of(
         scenario,

@@ -20,9 +20,9 @@ from faultloop.relay import Relay
 
 KEPT = 256
 """States that are kept, the newest ones."""
-NO_MATTER = {"scenario": {"name", "duration_s", "start"}} | dict.fromkeys(
-    ("fault", "switching", "bus_fault", "can", "expect"), True
-)
+OF_THE_RUN = ("fault", "switching", "bus_fault", "can", "expect")
+HEADER = {"name", "duration_s", "start"}
+NO_MATTER = {"scenario": HEADER} | dict.fromkeys(OF_THE_RUN, True)
 """What has no part in the state before the run."""
 
 
@@ -46,10 +46,11 @@ class WarmStates:
         self._digests: OrderedDict[str, list[bytes]] = OrderedDict()
         """Of the samples of each relay, by what a scenario says of the time before the run."""
         self._states: OrderedDict[tuple[Relay, bytes], Any] = OrderedDict()
+        self._last: tuple[Scenario, str] | None = None
 
     def warm_up(self, scenario: Scenario, relays: Sequence[Relay]) -> None:
         """`warm_up`, or what it led to before."""
-        said = scenario.model_dump_json(by_alias=True, exclude=NO_MATTER)
+        said = self._said(scenario)
         digests = self._digests.get(said)
         if digests is None or not all(key in self._states for key in zip(relays, digests, strict=True)):
             digests = self._digests[said] = self._run(history(scenario), relays)
@@ -59,6 +60,14 @@ class WarmStates:
         for kept in (self._digests, self._states):
             while len(kept) > KEPT:
                 kept.popitem(last=False)
+
+    def _said(self, scenario: Scenario) -> str:
+        """What it says of the time before the run; mostly it is what the last one said."""
+        last = self._last
+        if last is None or not _alike(scenario, last[0]):
+            said = scenario.model_dump_json(by_alias=True, exclude=NO_MATTER)
+            self._last = last = scenario, said
+        return last[1]
 
     def _run(self, before: NDArray[np.float64], relays: Sequence[Relay]) -> list[bytes]:
         """Warms up where that was never done; returns the digests of the relays' samples."""
@@ -76,3 +85,12 @@ class WarmStates:
         self._states.move_to_end((relay, digest))
         state, relay.events, relay.phasors = self._states[relay, digest]
         relay.restore(state)
+
+
+def _alike(a: Scenario, b: Scenario) -> bool:
+    """Whether they surely say the same of the time before the run."""
+    tables = [key for key in type(a).model_fields if key not in OF_THE_RUN and key != "scenario"]
+    return (
+        all(getattr(a, key) == getattr(b, key) for key in tables)
+        and a.scenario.model_copy(update={key: getattr(b.scenario, key) for key in HEADER}) == b.scenario
+    )

@@ -69,6 +69,10 @@ class Component(Table):
         """The same in a run that begins so much later; None where it is over."""
         return self
 
+    def as_network(self) -> object:
+        """Equal for items that make the same network and the same state before the run."""
+        return self
+
 
 C = TypeVar("C", bound=Component)
 
@@ -128,6 +132,20 @@ class PlantTables(Table):
             if name is not None:
                 names = {item.name: item for item in getattr(self, table, ())}
                 known(name, names, table, f"relay[{place.name}].{table}")
+
+    def is_same_network(self, other: PlantTables) -> bool:
+        """Whether a plant of ``other`` differs from that of these in nothing but what its switches do, and
+        the resistances of its faults."""
+        if type(self) is not type(other) or self.scenario.seed != other.scenario.seed:
+            return False
+        fixed = ("system", "relay", "front_end")
+        if any(getattr(self, key) != getattr(other, key) for key in fixed):
+            return False
+        return all(
+            len(own := self.all(kind)) == len(others := other.all(kind))
+            and all(a is b or a.as_network() == b.as_network() for a, b in zip(own, others, strict=True))
+            for kind in self.components
+        )
 
     def beginning_at(self, begins_s: float) -> Self:
         """The same for a run that begins so much later: waves as they are then, what is past left out."""

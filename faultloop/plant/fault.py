@@ -85,15 +85,22 @@ class Fault(Component):
             return []
         return [(self.line, self.position(tables.find(Line, self.line, self.key("line"))))]
 
-    def add(self, circuit: Circuit, tables: PlantTables) -> None:
+    def as_network(self) -> object:
+        return self.name, self.line, self.at_km, self.at_pu, self.bus
+
+    def star(self, node: str) -> Star:
+        """Its switch, at a node."""
         ground = self.ground_ohm if self.type.endswith("G") else math.inf
+        return Star(node, self.resistance_ohm, ground)
+
+    def add(self, circuit: Circuit, tables: PlantTables) -> None:
         if self.bus is not None:
-            circuit.add_switch(self.table, self.name, Star(self.bus, self.resistance_ohm, ground))
+            circuit.add_switch(self.table, self.name, self.star(self.bus))
             return
         assert self.line is not None
         line = tables.find(Line, self.line, self.key("line"))
         node = circuit.node_at(line.name, self.position(line))
-        number = circuit.add_switch(self.table, self.name, Star(node, self.resistance_ohm, ground))
+        number = circuit.add_switch(self.table, self.name, self.star(node))
         for place, end in enumerate(ENDS):
             # it lies beyond the current transformer, which must see it (with a breaker it does)
             if self.position(line) == place and line.bus(end) == circuit.terminals[line.name, end]:

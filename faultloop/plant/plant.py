@@ -16,6 +16,7 @@ from faultloop.plant.build import circuit_of
 from faultloop.plant.component import PlantTables
 from faultloop.plant.elements import Floats, Ints
 from faultloop.plant.elements.switch import Action, Kind
+from faultloop.plant.fault import Fault
 from faultloop.plant.frontend import (
     FrontEnds,
     analog_shapes,
@@ -40,6 +41,8 @@ from faultloop.plant.switches import (
 )
 
 NS = 1_000_000_000
+KEPT_PLANTS = 2
+"""Networks that come in turns."""
 SLIPPING = 0.1
 """A source that is off the nominal frequency by less than this share is a system that slips."""
 
@@ -122,9 +125,8 @@ class Plant:
         )
         steady = steady_states(self._model)
         self._settle(steady, front, state)
-        planned = [item.actions(self._model, steady) for item in tables.items()]
-        actions = [action for actions, _ in planned for action in actions]
-        self.notes = circuit.notes + [note for _, notes in planned for note in notes]
+        self._steady = steady
+        actions = self._plan()
         breakers = [
             (self._switch_of(name), round(own.close_ms * 1e6), round(own.operate_ms * 1e6))
             for name, own in self._breakers.items()
@@ -132,8 +134,31 @@ class Plant:
         switches = new_switches(self._model, actions, breakers, self.sampling_hz)
         net, front = _contiguous(self._model.network), _contiguous(front)
         self.parts = PlantParts(net, state, watch, front, switches)
+        self._new = self.save()
         self._samples = np.empty((0, len(tables.relay), 6))
         self.samples = self._samples
+
+    def begin_again(self, tables: PlantTables) -> None:
+        """As a new one of ``tables``, of the same network (`PlantTables.is_same_network`).
+
+        Raises InputError as a new one does."""
+        self.tables = tables
+        circuit, matrix = self._model.circuit, self._model.matrix
+        for fault in tables.all(Fault):
+            number = circuit.number[Fault.table, fault.name]
+            circuit.switches[number] = star = fault.star(circuit.switches[number].start)
+            matrix.conductance[number] = star.conductances()
+        self.parts.switches.known[:] = 0  # factors of other resistances
+        actions = np.array([row_of(action) for action in self._plan()], dtype=np.int64).reshape(-1, 5)
+        self.restore(self._new._replace(actions=()))
+        self.make_room(len(actions))
+        put_actions(self.parts.switches, actions)
+
+    def _plan(self) -> list[Action]:
+        """What is to happen, from the state before it; and the notes."""
+        planned = [item.actions(self._model, self._steady) for item in self.tables.items()]
+        self.notes = self._model.circuit.notes + [note for _, notes in planned for note in notes]
+        return [action for actions, _ in planned for action in actions]
 
     # ------------------------------------------------------------------ running
 
@@ -215,12 +240,12 @@ class Plant:
         self._control["orders"] = 0
         self.make_room()
 
-    def make_room(self) -> None:
-        """For `ROOM` more commands."""
+    def make_room(self, actions: int = 0) -> None:
+        """For `ROOM` more commands, and as many actions."""
         switches = self.parts.switches
-        if int(self._control["actions"]) + ROOM > len(switches.pending):
-            pending = np.concatenate([switches.pending, np.zeros_like(switches.pending)])
-            change = np.zeros(2 * len(switches.change), switches.change.dtype)
+        if (more := int(self._control["actions"]) + actions + ROOM) > len(switches.pending):
+            pending = np.concatenate([switches.pending, np.zeros((more, 5), dtype=np.int64)])
+            change = np.zeros(len(switches.change) + 4 * more, switches.change.dtype)
             self.parts = self.parts._replace(switches=switches._replace(pending=pending, change=change))
 
     def closed(self, breaker: str) -> int:
@@ -317,3 +342,21 @@ def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], Sta
         "measured": (len(front.bus), 6),
     } | analog_shapes(front)
     return new_state(shapes, (branches, 2 * waves))
+
+
+class Plants:
+    """Plants for one run after the other: what does not change from run to run is made once."""
+
+    def __init__(self) -> None:
+        self._kept: list[Plant] = []
+
+    def plant(self, tables: PlantTables) -> Plant:
+        """As ``Plant(tables)``; the one that was given before may be the same.  Raises InputError."""
+        for place, plant in enumerate(self._kept):
+            if plant.tables.is_same_network(tables):
+                self._kept.insert(0, self._kept.pop(place))
+                plant.begin_again(tables)
+                return plant
+        plant = Plant(tables)
+        self._kept = [plant, *self._kept[: KEPT_PLANTS - 1]]
+        return plant

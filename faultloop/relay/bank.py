@@ -67,7 +67,11 @@ class Bank(NamedTuple):
 
 
 def bank_of(relays: Sequence[Relay], rows: int) -> Bank:
-    """The relays as they are; what is in their arrays is theirs in the bank from now on."""
+    """The relays as they are; what is in their arrays is theirs in the bank from now on.  Those that were in
+    one before stay there."""
+    again = _same_bank(relays, rows)
+    if again is not None:
+        return again
     count = len(relays)
     sizes = [relay.estimator.state.size for relay in relays]
     bank = Bank(
@@ -94,5 +98,19 @@ def bank_of(relays: Sequence[Relay], rows: int) -> Bank:
             bank.measure_state[part],
             bank.estimator[bank.pointer[i] : bank.pointer[i + 1]],
         )
+        relay.bank, relay.place = bank, i
         bank.relay[i] = (relay.step_address, 0, 0, -1, 0, relay.tells_apart)
+    return bank
+
+
+def _same_bank(relays: Sequence[Relay], rows: int) -> Bank | None:
+    """The one that they are in, if it is theirs alone, as they are to be."""
+    bank: Bank | None = relays[0].bank if relays else None
+    if bank is None or bank.phasors.shape[:2] != (len(relays), rows):
+        return None
+    for i, relay in enumerate(relays):
+        if relay.bank is not bank or relay.place != i:
+            return None
+        bank.relay[i] = (relay.step_address, 0, 0, -1, 0, relay.tells_apart)
+    bank.notices[0] = 0
     return bank

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,10 @@ class Relay:
             i: layout.record_of(self._state, i).copy() for i in self._instances if i.function.tell
         }
         self.events: list[Event] = []
+        self._polygons: dict[str, tuple[Polygon, Polygon]] | None = None
+        self.bank: Any = None
+        self.place = 0
+        """In a bank, where it is in one."""
         self.sample_count = 0
         self._last_words = (0, 0)
         self._last_outputs = [0, 0, 0, 0]
@@ -100,11 +105,13 @@ class Relay:
 
     def characteristics(self) -> dict[str, tuple[Polygon, Polygon]]:
         """Per zone the closed polygons of ground and phase loops, (k, 2), primary ohm, for the R-X plane."""
-        return {
-            instance.name: instance.function.polygons(self.settings, instance.table)
-            for instance in self._instances
-            if instance.function.polygons is not None
-        }
+        if self._polygons is None:
+            self._polygons = {
+                instance.name: instance.function.polygons(self.settings, instance.table)
+                for instance in self._instances
+                if instance.function.polygons is not None
+            }
+        return self._polygons
 
     def advance(self, samples: Array) -> int:
         """Run over ``samples`` (n, 6), volts and amperes primary, instantaneous.
@@ -209,13 +216,10 @@ class Relay:
     ) -> list[Event]:
         """Events of samples from number ``first`` on: where one of ``words`` (n, 2) differs from the one
         before, and what the functions tell at the samples of ``notices``, from the relay's state then."""
-        events, begin = [], 0
+        events = self._changes(first, words)
         for sample, state in notices:
-            end = sample - first + 1
-            events += self._changes(first + begin, words[begin:end])
             events += self._notices(sample, state)
-            begin = end
-        return events + self._changes(first + begin, words[begin:])
+        return sorted(events, key=attrgetter("sample_count"))  # of one sample the changes first
 
     def check_elements(self) -> None:
         """Raises InputError where a function of the user's has failed."""
@@ -272,10 +276,10 @@ class Relay:
     def _changes(self, first: int, words: NDArray[np.uint64]) -> list[Event]:
         """Lines for the bits that change in rows of words, of samples from number ``first`` on."""
         events = []
-        last = np.array(self._last_words, np.uint64)
-        different = np.any(np.diff(words, axis=0, prepend=last[None]) != 0, axis=1)
-        for n in np.flatnonzero(different).tolist():
-            now = (int(words[n, 0]), int(words[n, 1]))
+        different = np.ones(len(words), np.bool_)  # the first one is looked at in any case
+        different[1:] = np.any(words[1:] != words[:-1], axis=1)
+        rows = np.flatnonzero(different)
+        for n, now in zip(rows.tolist(), map(tuple, words[rows].tolist()), strict=True):
             texts = change_texts(self._instances, self.bits, self._last_words, now)
             events += [Event(first + n, "info", text) for text in texts]
             self._last_words = now
