@@ -142,12 +142,10 @@ class ClosedLoop:
         kernels, follow = drive.kernels_for(*loop), cast(Any, drive.follow)
         if not follow.overloads:
             follow.compile(tuple(cast(Any, numba.typeof)(argument) for argument in (*loop, kernels)))
-        # its arguments have always the same types, which numba would find out again at every call
-        self._enter: Callable[..., int] = next(iter(follow.overloads.values())).entry_point
 
     def _follow(self) -> int:
         loop = (self._course, self._traffic.x, self.plant.parts, self._bank)
-        return self._enter(*loop, drive.kernels_for(*loop))
+        return drive.follow(*loop, drive.kernels_for(*loop))
 
     def _estimate(self) -> None:
         """What the plant has made, by estimators that are not compiled."""
