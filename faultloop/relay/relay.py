@@ -128,7 +128,7 @@ class Relay:
         done = self._run(samples)
         if done < len(samples):  # what runs ahead of the decision goes back and follows it
             self._restore_ahead(before)
-            self._measure(samples[:done])
+            self.estimate(samples[:done], self._phasors[:done], self._loops[:done])
         self.phasors, self.loops = self._phasors[:done], self._loops[:done]
         self.pickup, self.operate = self._words[:done, 0], self._words[:done, 1]
         self._tell(done)
@@ -245,16 +245,12 @@ class Relay:
         self._measure_bytes[:] = state[1]
 
     def _run(self, samples: Array) -> int:
-        self._measure(samples)
         n = len(samples)
         phasors, loops, words = self._phasors[:n], self._loops[:n], self._words[:n]
+        self.estimate(samples, phasors, loops)
         done = decide(self._constants, self._state, samples, phasors, loops, words)
         self.check_elements()
         return done
-
-    def _measure(self, samples: Array) -> None:
-        n = len(samples)
-        self.estimate(samples, self._phasors[:n], self._loops[:n])
 
     def _reserve(self, n: int) -> None:
         if n <= self._capacity:

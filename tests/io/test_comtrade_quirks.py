@@ -271,7 +271,7 @@ def test_an_ascii_value_that_is_none(tmp_path: Path, text: str) -> None:
     rows[77] = b",".join(fields)
     record = read_comtrade(write(tmp_path, config_text(), b"\r\n".join(rows)))
     assert np.flatnonzero(np.isnan(record.analog[0].values)).tolist() == [77]
-    assert "1 values are missing" in record.notes
+    assert "1 value is missing" in record.notes
 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, -np.finfo(np.float32).max])

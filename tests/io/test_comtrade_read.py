@@ -153,7 +153,7 @@ def test_a_small_record(tmp_path):
     assert record.status[1].normal == 1
     assert record.t_ns.tolist() == [0, 10**6, 2 * 10**6, 3 * 10**6]
     assert record.trigger_ns - record.start_ns == 2_000_000
-    assert record.notes == ["1 values are missing"]
+    assert record.notes == ["1 value is missing"]
 
 
 @pytest.mark.parametrize(
