@@ -27,6 +27,7 @@ from faultloop.live.transmit_queue import TransmitQueue
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes.clock import SampleClock
+from faultloop.nodes.node import rehearse
 
 LONGEST_WAIT_S = 0.1
 """A node looks at least so often whether it shall end."""
@@ -204,6 +205,7 @@ def run_node(
     if supervision is None:
         stop.install()
     try:
+        rehearse()
         if supervision is not None:
             clock = supervision.clock(pace)
         elif leads:

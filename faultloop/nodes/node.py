@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.io.can.authentication import PLAIN, Seal
-from faultloop.io.can.frames import REJECTIONS, Frame, Rejection
+from faultloop.io.can.frames import REJECTIONS, Frame, Rejection, State, decode
 from faultloop.io.can.port import (
     FINE,
     HEARTBEAT,
@@ -27,7 +27,7 @@ from faultloop.io.can.port import (
     ticks,
 )
 from faultloop.io.can.record import FRAME, MESSAGE, Record, Records, put, taken
-from faultloop.io.can.table import OPERATIONAL, Alarm
+from faultloop.io.can.table import OPERATIONAL, Alarm, Kind
 from faultloop.jit import njit
 from faultloop.nodes.clock import CYCLIC, Cyclic, tick
 from faultloop.nodes.goose import (
@@ -38,6 +38,7 @@ from faultloop.nodes.goose import (
     Subscriber,
     accept,
     publish,
+    set_state,
     supervise,
 )
 from faultloop.nodes.refusals import Refusals, Report
@@ -305,6 +306,32 @@ class Node:
             return FINE, frame
         plain = self.seal.open(t_ns, frame)
         return (plain.code, frame) if isinstance(plain, Rejection) else (FINE, plain)
+
+
+def rehearse() -> None:
+    """Load every kernel that a process's node needs, before the run begins: numba compiles or loads one when
+    it is first called, and the first trip would have to wait for that."""
+    node = Node(
+        0,
+        [Publisher(kind, 0) for kind in (Kind.TRIP, Kind.BREAKER_STATUS)],
+        [Subscriber(kind=Kind.BREAKER_STATUS, number=0)],
+        1,
+        lambda *_: None,
+        heartbeat_s=1.0,
+        measurements_hz=10.0,
+    )
+    set_state(node.publisher(0), 7, 0)
+    for frame in (*node.poll(0), *node.poll(node.next_ns)):
+        node.take(0, frame)
+    follower, t_ns = Subscriber(), 0
+    for publisher in (Publisher(Kind.TRIP, 0), Publisher(Kind.BREAKER_STATUS, 0, 7)):
+        publisher.set(3, t_ns)
+        frame = publisher.poll(t_ns)
+        message = None if frame is None else decode(frame)
+        if isinstance(message, State):
+            message.encode()
+            follower.receive(message, t_ns)
+    follower.supervise(t_ns)
 
 
 def _gathered(dtype: np.dtype, parts: Sequence[Records]) -> Records:
