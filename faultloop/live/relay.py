@@ -19,6 +19,7 @@ from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import history
 from faultloop.nodes import FOREVER, relay_node
 from faultloop.nodes.block import RelayBlock
+from faultloop.nodes.channel import Arrivals, new_channels
 from faultloop.nodes.clock import SampleClock
 from faultloop.relay import Relay, RelayInputs, load_settings
 
@@ -30,7 +31,11 @@ def identifiers(scenario: Scenario, number: int) -> list[int]:
     """What a relay listens to: its samples, its breaker's position, pilot signals of its partners."""
     node = relay_node(scenario, number)
     breaker = [] if node.breaker is None else [Kind.BREAKER_STATUS + node.breaker]
-    return [Kind.SAMPLED_VALUES + number, *breaker, *(Kind.PILOT + i for i in node.partners)]
+    names = [place.name for place in scenario.relay]
+    others = {names.index(c.misrouted) for c in scenario.channel if c.misrouted is not None}
+    pilots = [Kind.PILOT + i for i in dict.fromkeys((*node.partners, *sorted(others)))]
+    transfers = [Kind.TRANSFER + i for i in node.linked]
+    return [Kind.SAMPLED_VALUES + number, *breaker, *pilots, *transfers]
 
 
 class RelayProcess:
@@ -53,6 +58,14 @@ class RelayProcess:
         self._clock = SampleClock(hz)
         self._total = self._clock.first_from(round(scenario.scenario.duration_s * 1e9))
         self._stream = SampleStream(hz, hz // gcd(hz, scenario.system.frequency_hz))
+        self._arrivals = Arrivals(
+            new_channels(
+                scenario.channel,
+                [place.name for place in scenario.relay],
+                scenario.scenario.seed,
+                only=self.name,
+            )
+        )
         self._samples_id = Kind.SAMPLED_VALUES + number
         self._recorder = Recorder([])
         self._topic = f"/relay/{self.name}"
@@ -73,7 +86,7 @@ class RelayProcess:
     @property
     def next_ns(self) -> int:
         silence = FOREVER if self._silent else self._heard_ns + SILENT_NS
-        return min(self.node.next_ns, silence)
+        return min(self.node.next_ns, self._arrivals.next_ns, silence)
 
     def poll(self, t_ns: int) -> list[Frame]:
         if not self._silent and t_ns >= self._heard_ns + SILENT_NS and self._stream.next_count < self._total:
@@ -81,17 +94,28 @@ class RelayProcess:
             self._event(t_ns, "warning", f"no sampled values for {SILENT_NS / 1e6:g} ms")
         elif self._stream.next_count >= self._total:
             self._heard_ns = t_ns  # the plant has said all
-        return self.node.poll(t_ns)
+        for at_ns, frame in self._arrivals.poll(t_ns):
+            self._hear(t_ns, at_ns, frame)
+        silences = self.node.silences
+        frames = self.node.poll(t_ns)
+        if self.node.silences != silences:
+            self._run(t_ns)
+            self.relay.inputs = RelayInputs(*self.node.heard)
+        return frames
 
     def receive(self, t_ns: int, frames: list[tuple[int, Frame]]) -> None:
         for at_ns, frame in frames:
             if frame.id == self._samples_id:
                 if self._stream.receive(at_ns, frame):
                     self._heard_ns = at_ns
-            elif self.node.receive(at_ns, frame):
-                self._run(t_ns)  # what came before the inputs changed was measured with the old ones
-                self.relay.inputs = RelayInputs(self.node.breaker_closed, self.node.pilot_received)
+            elif not self._arrivals.takes(at_ns, frame):
+                self._hear(t_ns, at_ns, frame)
         self._run(t_ns)
+
+    def _hear(self, t_ns: int, at_ns: int, frame: Frame) -> None:
+        if self.node.receive(at_ns, frame):
+            self._run(t_ns)  # what came before the inputs changed was measured with the old ones
+            self.relay.inputs = RelayInputs(*self.node.heard)
 
     def _run(self, t_ns: int) -> None:
         for first, rows in self._stream.take():
@@ -126,7 +150,7 @@ class RelayProcess:
         self._recorder.block(self.name, self._clock, first, RelayBlock.of(relay, rows))
         self._tell(t_ns, relay.events)
         outputs = relay.outputs
-        self.node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot)
+        self.node.set(t_ns, outputs.trip_poles, outputs.close_poles, outputs.pilot, outputs.transfer)
         self.node.measured[:14] = relay.phasors[-1]
         self.node.measured[14] = relay.fault_location
 

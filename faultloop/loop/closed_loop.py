@@ -181,10 +181,10 @@ class ClosedLoop:
     def _set(self, number: int, relay: Relay) -> None:
         """Its node, as the warm-up has left it."""
         node, outputs = self._traffic.relays[number], relay.outputs
-        node.set(0, outputs.trip_poles, outputs.close_poles, outputs.pilot)
+        node.set(0, outputs.trip_poles, outputs.close_poles, outputs.pilot, outputs.transfer)
         node.measured[:14] = relay.phasors[-1]
         node.measured[14] = relay.fault_location
-        relay.set_inputs(relay.inputs.breaker_closed, relay.inputs.pilot)
+        relay.set_inputs(relay.inputs)
 
     # -- what has happened ----------------------------------------------------------------------------------
 
@@ -272,7 +272,7 @@ class ClosedLoop:
             again = self.relays[relay]
             again.restore(self._cold[relay])
             again.sample_count = self.sample_count
-            again.set_inputs(again.inputs.breaker_closed, again.inputs.pilot)
+            again.set_inputs(again.inputs)
 
     def closed(self, breaker: int) -> int:
         """Mask of a breaker's poles that conduct."""

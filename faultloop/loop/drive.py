@@ -26,6 +26,7 @@ from faultloop.loop.exchange import (
     POLES_CHANGED,
     RING,
     SECOND_NS,
+    SILENCE,
     STATE_TAKEN,
     Exchange,
     due_ns,
@@ -33,7 +34,8 @@ from faultloop.loop.exchange import (
     tell,
 )
 from faultloop.nodes.clock import SampleClock
-from faultloop.nodes.goose import NOTHING_HEARD, set_state
+from faultloop.nodes.goose import set_state
+from faultloop.nodes.relay import hear
 from faultloop.plant import PlantParts
 from faultloop.plant.advance import advance
 from faultloop.relay.bank import Bank
@@ -151,7 +153,7 @@ def act(course: Course, x: Exchange, switches: Any, bank: Any) -> bool:
         if event.what == STATE_TAKEN:
             seat = x.seats[event.node]
             if not seat.breaker:
-                hear_inputs(x, bank.state[seat.number].shared, event.node)
+                hear(x.nodes, event.node, bank.state[seat.number].shared)
             elif event.value:
                 control = switches.control[0]
                 room = switches.pending.shape[0] - control.actions
@@ -164,24 +166,10 @@ def act(course: Course, x: Exchange, switches: Any, bank: Any) -> bool:
                 order.poles = event.value
                 control.orders += 1
                 event.closed = course.breaker[seat.number].closed
+        elif event.what == SILENCE:
+            hear(x.nodes, event.node, bank.state[x.seats[event.node].number].shared)
         c.heard += 1
     return True
-
-
-@inner
-def hear_inputs(x: Exchange, q: Any, node: int) -> None:
-    """A relay's binary inputs, as its node has them: the closed poles of its breaker, all where it has none
-    or has heard nothing yet; the poles for which any partner sends its pilot signal."""
-    n = x.nodes.node[node]
-    first = n.first_subscriber
-    closed = x.nodes.subscribers[first].poles
-    pilot = 0
-    for k in range(first + 1, first + n.subscribers):
-        poles = x.nodes.subscribers[k].poles
-        if poles != NOTHING_HEARD:
-            pilot |= poles
-    q.closed = 7 if closed == NOTHING_HEARD else closed
-    q.received = pilot
 
 
 @inner
@@ -260,7 +248,7 @@ def take_changes(course: Course, x: Exchange, switches: Any, t_ns: int) -> bool:
 def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) -> bool:
     """One relay's decision on the next sample; True where its outputs changed or it has something to tell."""
     c, r, q = course.clock[0], bank.relay[i], bank.state[i].shared
-    poles, close, pilot, notices = q.poles, q.close_poles, q.pilot, q.notices
+    poles, close, pilot, notices, transfer = q.poles, q.close_poles, q.pilot, q.notices, q.transfer
     row = c.sample - c.base
     decide_block = kernels.decide
     decide_block(
@@ -273,13 +261,16 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     )
     r.last = c.sample
     r.changed += q.changed
-    if q.poles == poles and q.close_poles == close and q.pilot == pilot and q.notices == notices:
+    same = q.poles == poles and q.close_poles == close and q.pilot == pilot and q.transfer == transfer
+    if same and q.notices == notices:
         return False
     t_ns = c.sample * SECOND_NS // c.sampling_hz
     first = x.nodes.node[i].first_publisher
     set_state(x.nodes.publishers[first], q.poles, t_ns)
     set_state(x.nodes.publishers[first + 1], q.close_poles, t_ns)
     set_state(x.nodes.publishers[first + 2], q.pilot, t_ns)
+    if x.nodes.node[i].publishers > 3:
+        set_state(x.nodes.publishers[first + 3], q.transfer, t_ns)
     n = bank.notices[0]
     bank.notice[n, 0] = i
     bank.notice[n, 1] = c.sample

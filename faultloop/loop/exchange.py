@@ -22,9 +22,10 @@ from faultloop.io.can.arbitration import (
     off,
     submit,
 )
-from faultloop.io.can.port import FINE, HEARTBEAT, encode
+from faultloop.io.can.port import FINE, HEARTBEAT, NOBODY, encode
 from faultloop.io.can.record import FRAME, MESSAGE, Record, Records
 from faultloop.jit import inner, njit
+from faultloop.nodes.channel import Channels, arrival_ns, arrived, channel_of, cut_off, enter
 from faultloop.nodes.node import MOST, TAKEN, Nodes, next_ns, poll, receive
 
 LOOK, ADVANCE, HEAR, TURN, POLL = range(5)
@@ -32,10 +33,12 @@ LOOK, ADVANCE, HEAR, TURN, POLL = range(5)
 DONE, ACTED, FAULT_OF_WIRE, RECEIVED, DUE, OFFERED, FULL = range(7)
 """Why it returns: nothing more happens until then; somebody acts; is the transmission hit?  Python is to take
 what was received; has something due; is to send what is offered; is to empty the ring or to make room."""
-FRAME_SEEN, STATE_TAKEN, REFUSED, BEAT, CONTROLLER, POLES_CHANGED, FAULT_CHANGED = range(7)
+FRAME_SEEN, STATE_TAKEN, REFUSED, BEAT, CONTROLLER, POLES_CHANGED, FAULT_CHANGED, SILENCE = range(8)
 """Events in the ring."""
 SECOND_NS = 1_000_000_000
 RING = 512
+ARRIVALS = 8
+"""By one channel at once, at most; what has arrived beside comes next."""
 
 CONTROL = np.dtype(
     [
@@ -103,9 +106,10 @@ class Exchange(NamedTuple):
     """(RING,) FRAME of the events"""
     counted: NDArray[np.int64]
     """(2049,) frames by identifier; the last: extended ones"""
+    channels: Channels
 
 
-def new_exchange(nodes: Nodes, bus: Bus) -> Exchange:
+def new_exchange(nodes: Nodes, bus: Bus, channels: Channels) -> Exchange:
     """Nothing has been said yet."""
     n = len(nodes.node)
     return Exchange(
@@ -120,6 +124,7 @@ def new_exchange(nodes: Nodes, bus: Bus) -> Exchange:
         np.zeros(RING, EVENT),
         np.zeros(RING, FRAME),
         np.zeros(IDENTIFIERS + 1, np.int64),
+        channels,
     )
 
 
@@ -144,10 +149,12 @@ def serve(x: Exchange, until_ns: int) -> int:
             acted = False
             if c.hears > 1 or (c.hears and x.bus.wire[0].received):
                 c.phase = TURN
+                _arrive(x)
                 return RECEIVED
             for k in range(x.bus.wire[0].received):
                 acted |= hear(x, x.bus.received[k], False)
             x.bus.wire[0].received = 0
+            acted |= _arrive(x)
             c.phase = TURN
             if acted:
                 return ACTED
@@ -160,11 +167,13 @@ def serve(x: Exchange, until_ns: int) -> int:
                 return DUE
         if x.bus.wire[0].waiting + x.offers.shape[0] > x.bus.waiting.shape[0] or not _has_room(x):
             return FULL
-        _poll(x)
+        silent = _poll(x)
         c.phase = LOOK
         if c.sends and (c.offered or c.python_ns <= c.now_ns):
             return OFFERED
         _send(x)
+        if silent:
+            return ACTED
 
 
 @njit
@@ -172,7 +181,7 @@ def hear(x: Exchange, frame: Record, sealed: bool) -> bool:
     """Every node takes a frame that was received; True where somebody acts on it.
 
     A ``sealed`` one each has opened before: ``plain`` and the seat's objection."""
-    c, m = x.control[0], x.scratch[1][0]
+    c = x.control[0]
     t_ns, identifier = frame.t_ns, frame.id
     x.counted[IDENTIFIERS if frame.extended else identifier] += 1
     if not c.quiet:
@@ -184,15 +193,55 @@ def hear(x: Exchange, frame: Record, sealed: bool) -> bool:
         seat = x.seats[i]
         if seat.deaf or off(x.bus, seat.sender, c.now_ns):
             continue
+        if x.channels.channel.shape[0] and _leaves(x, i, frame, sealed):
+            continue
         if sealed:
-            answer = receive(x.nodes, i, x.plain[i], seat.objection, t_ns, m)
+            acted |= _take(x, i, x.plain[i], seat.objection, t_ns)
         else:
-            answer = receive(x.nodes, i, frame, FINE, t_ns, m)
-        if answer < 0:
-            tell(x, t_ns, REFUSED, i, identifier, -answer)
-        elif answer == TAKEN:
-            tell(x, t_ns, STATE_TAKEN, i, m.kind + m.number, m.poles)
-            acted |= not seat.breaker or m.poles != 0
+            acted |= _take(x, i, frame, FINE, t_ns)
+    return acted
+
+
+@inner
+def _take(x: Exchange, i: int, frame: Record, objection: int, t_ns: int) -> bool:
+    """A node takes a plain frame; True where it acts on it."""
+    m, seat = x.scratch[1][0], x.seats[i]
+    answer = receive(x.nodes, i, frame, objection, t_ns, m)
+    if answer < 0:
+        tell(x, t_ns, REFUSED, i, frame.id, -answer)
+    elif answer == TAKEN:
+        tell(x, t_ns, STATE_TAKEN, i, m.kind + m.number, m.poles)
+        return not seat.breaker or m.poles != 0
+    return False
+
+
+@inner
+def _leaves(x: Exchange, i: int, frame: Record, sealed: bool) -> bool:
+    """Whether a frame is for a node at the other end of a channel, and then it is in that, or is none that
+    can reach it."""
+    k = channel_of(x.channels, i, frame.id, frame.t_ns)
+    if k == NOBODY:
+        return cut_off(x.channels, i, frame.id)
+    if sealed:
+        enter(x.channels, k, x.plain[i], x.seats[i].objection, frame.t_ns)
+    else:
+        enter(x.channels, k, frame, FINE, frame.t_ns)
+    return True
+
+
+@inner
+def _arrive(x: Exchange) -> bool:
+    """What has come through the channels; True where somebody acts on it."""
+    acted = False
+    for k in range(x.channels.channel.shape[0]):
+        i, count = x.channels.channel[k].seat, 0
+        place = arrived(x.channels, k, x.control[0].now_ns)
+        while place != NOBODY:
+            traveller = x.channels.queue[k, place]
+            if not x.seats[i].away:
+                acted |= _take(x, i, x.channels.frames[k, place], traveller.objection, traveller.due_ns)
+            count += 1
+            place = NOBODY if count == ARRIVALS else arrived(x.channels, k, x.control[0].now_ns)
     return acted
 
 
@@ -200,6 +249,8 @@ def hear(x: Exchange, frame: Record, sealed: bool) -> bool:
 def due_ns(x: Exchange) -> int:
     """When something happens next, if nothing else does before."""
     t_ns = min(x.control[0].python_ns, next_event_ns(x.bus))
+    if x.channels.channel.shape[0]:
+        t_ns = min(t_ns, arrival_ns(x.channels))
     for i in range(x.seats.shape[0]):
         if not x.seats[i].away:
             t_ns = min(t_ns, next_ns(x.nodes, i))
@@ -207,18 +258,23 @@ def due_ns(x: Exchange) -> int:
 
 
 @inner
-def _poll(x: Exchange) -> None:
-    """What the nodes have to say now, into ``offers``."""
+def _poll(x: Exchange) -> bool:
+    """What the nodes have to say now, into ``offers``; True where one of them misses another."""
     c = x.control[0]
     count = 0
+    silent = False
     for i in range(x.seats.shape[0]):
         if x.seats[i].away:
             continue
-        before = count
+        before, silences = count, x.nodes.node[i].silences
         count = poll(x.nodes, i, c.now_ns, x.offers, before)
+        if x.nodes.node[i].silences != silences:
+            tell(x, c.now_ns, SILENCE, i, 0, 0)
+            silent = True
         for k in range(before, count):
             x.offered_by[k] = i
     c.offered = count
+    return silent
 
 
 @inner
@@ -261,5 +317,7 @@ def tell(x: Exchange, t_ns: int, what: int, node: int, identifier: int, value: i
 def _has_room(x: Exchange) -> bool:
     """For what all that is received now, and all that is sent, may tell."""
     c, w, n = x.control[0], x.bus.wire[0], x.seats.shape[0]
-    events = c.events + w.changes + w.received * (n + 1) + n
+    events = c.events + w.changes + w.received * (n + 1) + 2 * n
+    if x.channels.channel.shape[0]:
+        events += x.channels.channel.shape[0] * ARRIVALS
     return events <= x.events.shape[0] and c.frames + w.received <= x.frames.shape[0]

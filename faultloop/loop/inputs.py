@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from faultloop.config.channel import linked
 from faultloop.config.override import (
     PLACE_TABLES,
     SETTING_PARTS,
@@ -124,7 +125,8 @@ def _settings(
 
 
 def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], user_code: bool = True) -> None:
-    """What scenario and settings must agree on, and whether these may name code."""
+    """What scenario and settings must agree on, those of two ends among themselves, and whether these may
+    name code."""
     for place in scenario.relay:
         if not user_code:
             refuse_user_code(settings[place.name])
@@ -140,6 +142,36 @@ def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], us
                     file=scenario.settings_path(place),
                     key=f"relay.{key}",
                 )
+    check_ends(scenario, settings)
+
+
+def check_ends(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
+    """What decides at both ends of a line has a partner that is set alike; raises InputError."""
+    for place in scenario.relay:
+        own = settings[place.name].psch
+        if own is None:
+            continue
+        file, partners = settings[place.name].path, linked(scenario.channel, place.name)
+        if not partners:
+            what = (
+                f"relay '{place.name}' has a scheme, and no [[channel]] of the scenario links it to another"
+            )
+            raise InputError(what, file=file, key="psch")
+        for name in partners:
+            other = settings[name].psch
+            if other is None:
+                raise InputError(
+                    f"relay '{place.name}' has a scheme, and its partner '{name}' has no [psch]",
+                    file=file,
+                    key="psch",
+                )
+            for key in ("type", "pole_bits", "transfer"):
+                mine, theirs = getattr(own, key), getattr(other, key)
+                if mine != theirs:
+                    what = (
+                        f"is {mine!r} for relay '{place.name}' and {theirs!r} for '{name}'; must be the same"
+                    )
+                    raise InputError(what, file=file, key=f"psch.{key}")
 
 
 def check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pydantic import Field, PrivateAttr
 
 from faultloop.config.bus_fault import check_references as check_bus_faults
+from faultloop.config.channel import check_references as check_channels
 from faultloop.config.expect import Expect
 from faultloop.config.override import apply_override, overridden
 from faultloop.config.place import RelayPlace
@@ -78,6 +79,7 @@ class AnyScenario(BusTables):
         relays = {place.name: place for place in self.relay}
         unique("bus_fault", self.bus_fault)
         check_bus_faults(self.bus_fault, relays, [b.name for b in self.breaker], self.scenario.duration_s)
+        check_channels(self.channel, self.relay)
         for number, expect in enumerate(self.expect):
             known(expect.relay, relays, "relay", f"expect[{number}].relay")
             if expect.trip and expect.within_ms is not None and not self.fault:

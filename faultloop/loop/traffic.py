@@ -32,6 +32,7 @@ from faultloop.nodes import (
     relay_node,
 )
 from faultloop.nodes.attacker import attacker_nodes
+from faultloop.nodes.channel import new_channels
 from faultloop.nodes.node import joined, replaced
 
 CAN_EVENTS = "/can/events"
@@ -102,7 +103,10 @@ class Traffic:
         self._sealed = scenario.keys_path is not None
         self.seats = {number: len(self.relays) + k for k, number in enumerate(self.breakers)}
         """The place of each breaker's node."""
-        self.x = exchange.new_exchange(joined(self._seats), bus.model.state)
+        channels = new_channels(
+            scenario.channel, [place.name for place in scenario.relay], scenario.scenario.seed
+        )
+        self.x = exchange.new_exchange(joined(self._seats), bus.model.state, channels)
         self._control = self.x.control[0]
         self._control["quiet"] = recorder.counts is not None
         self._control["sends"] = self._sealed or bool(scenario.bus_fault)
@@ -218,7 +222,7 @@ class Traffic:
         elif what == exchange.CONTROLLER:
             sender = self.bus.model.sender(node)
             self.recorder.event(CAN_EVENTS, t_ns, "warning", f"is {STATES[value]}", str(sender))
-        else:
+        elif what != exchange.SILENCE:
             self._acts.changed("pole" if what == exchange.POLES_CHANGED else "fault", node, t_ns, value)
 
     # -- faults on the bus ----------------------------------------------------------------------------------

@@ -184,7 +184,7 @@ def accept(s: Record, m: Record, t_ns: int) -> int:
 @njit
 def supervise(s: Record, t_ns: int) -> bool:
     """True once, when the newest frame's time allowed to live has run out by ``t_ns``: raise an alarm."""
-    if s.alarm or not _silent(s, t_ns):
+    if s.alarm or t_ns < s.expires_ns:
         return False
     s.alarm = 1
     return True
@@ -407,6 +407,7 @@ class Subscriber:
         may be a recording, and what a publisher still means it repeats.
     confirmations : frames that must agree before a new state is taken.
     kind, number : of whom it hears, for a node with several.
+    expected : that the publisher is never heard at all is a silence, too.
     record : a view of one ``SUBSCRIBER``, shape (1,), to be used; a new one where not given.
 
     Attributes
@@ -425,6 +426,7 @@ class Subscriber:
         *,
         kind: int = 0,
         number: int = 0,
+        expected: bool = False,
         record: Any = None,
     ) -> None:
         repetition = repetition or Repetition()
@@ -435,6 +437,8 @@ class Subscriber:
         age_ns = NO_COMMON_CLOCK if max_age_ns is None else max_age_ns
         settings = (*head, age_ns, max_ahead_ns, test, start_ns, confirmations)
         self.record.view(np.int64)[: len(settings)] = settings
+        if expected:
+            self.record["expires_ns"] = start_ns + 2 * repetition.heartbeat_ns + repetition.grace_ns
 
     def receive(self, message: State, t_ns: int) -> bool | Rejection:
         """Take a message that arrived at `t_ns`.

@@ -46,7 +46,7 @@ from faultloop.nodes.refusals import Refusals, Report
 MEASURED = 15
 """Values that a relay shows: phasors with their frequency (14), fault location."""
 PAGES = 3
-MOST = 3 + 1 + PAGES
+MOST = 4 + 1 + PAGES
 """Messages that a node gives at once, at most."""
 NOTHING, TAKEN = 0, 1
 SILENT, REJECTED = int(Alarm.SILENT), int(Alarm.REJECTED)
@@ -63,6 +63,8 @@ NODE = np.dtype(
                 "first_subscriber",
                 "subscribers",
                 "supervised",  # how many of its subscribers, the first ones, raise the alarm
+                "linked",  # how many of these, after the first, are relays that a channel links to it
+                "silences",  # of these, and ends of silences: something to act upon; counts on
                 "strict",  # 1: it refuses what has an identifier of nobody
                 "refused",  # frames
                 "refused_before",  # its last heartbeat
@@ -96,6 +98,9 @@ def next_ns(nodes: Nodes, i: int) -> int:
     due_ns = min(n.heartbeat.next_ns, n.measurements.next_ns)
     for k in range(n.first_publisher, n.first_publisher + n.publishers):
         due_ns = min(due_ns, nodes.publishers[k].next_ns)
+    for k in range(n.first_subscriber + 1, n.first_subscriber + 1 + n.linked):
+        if not nodes.subscribers[k].alarm:
+            due_ns = min(due_ns, nodes.subscribers[k].expires_ns)
     return due_ns
 
 
@@ -103,6 +108,8 @@ def next_ns(nodes: Nodes, i: int) -> int:
 def poll(nodes: Nodes, i: int, t_ns: int, out: Records, count: int) -> int:
     """Puts the messages that are due into ``out`` from ``count`` on; returns how many there are then."""
     n = nodes.node[i]
+    for k in range(n.first_subscriber + 1, n.first_subscriber + 1 + n.linked):
+        n.silences += supervise(nodes.subscribers[k], t_ns)
     for k in range(n.first_publisher, n.first_publisher + n.publishers):
         if publish(nodes.publishers[k], t_ns, out[count]):
             count += 1
@@ -174,11 +181,14 @@ def receive(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int, m: R
             return -UNKNOWN_ID
         return NOTHING
     answer = -objection if objection != FINE else -decode_state(frame, m)
+    silent = nodes.subscribers[place].alarm
     if answer == FINE:
         answer = accept(nodes.subscribers[place], m, t_ns)
     if answer < 0:
         n.refused += 1
         return answer
+    if silent and 0 < place - n.first_subscriber <= n.linked:
+        return TAKEN  # the channel is back, which is new by itself
     return TAKEN if answer == NEW else NOTHING
 
 
@@ -208,6 +218,7 @@ class Node:
     start_ns : when it starts, run time [ns].
     relay : number of its measurements.
     strict : it refuses frames whose identifier is nobody's.
+    linked : how many of the supervised subscribers, after the first, are relays at a channel's other end.
     """
 
     def __init__(
@@ -224,6 +235,7 @@ class Node:
         start_ns: int = 0,
         relay: int = 0,
         strict: bool = True,
+        linked: int = 0,
     ) -> None:
         self.seal = seal
         self.refusals = Refusals(report)
@@ -235,6 +247,7 @@ class Node:
             ("subscribers", len(subscribers)),
             ("supervised", supervised),
             ("strict", strict),
+            ("linked", linked),
         ):
             node[key] = value
         Cyclic(1 / heartbeat_s if heartbeat_s else 0.0, start_ns, record=node["heartbeat"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from faultloop.config.channel import linked
 from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
 from faultloop.io.can.keys import load_keys
 from faultloop.io.can.table import Kind
@@ -22,7 +23,7 @@ def seal(scenario: BusTables, start_ns: int = 0) -> Seal:
         return PLAIN
     senders = {
         kind + i: place.name
-        for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT)
+        for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.TRANSFER)
         for i, place in enumerate(scenario.relay)
     }
     senders |= {Kind.BREAKER_STATUS + i: breaker.name for i, breaker in enumerate(scenario.breaker)}
@@ -32,7 +33,8 @@ def seal(scenario: BusTables, start_ns: int = 0) -> Seal:
 
 
 def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, start_ns: int = 0) -> RelayNode:
-    """The node of relay `number`: its partners are the relays at the line's other end.
+    """The node of relay `number`: its partners are the relays at the line's other end, and those that a
+    ``[[channel]]`` links to it.
 
     A node that restarts within a run has `start_ns`, the run time of that [ns].
     """
@@ -41,6 +43,7 @@ def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, st
         i for i, other in enumerate(scenario.relay) if other.line == place.line and other.end != place.end
     ]
     names = [breaker.name for breaker in scenario.breaker]
+    numbers = {other.name: i for i, other in enumerate(scenario.relay)}
     breaker = None if place.breaker is None else names.index(place.breaker)
     return RelayNode(
         number,
@@ -52,6 +55,7 @@ def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, st
         seal=seal(scenario, start_ns),
         start_ns=start_ns,
         confirmations=scenario.can.confirmations,
+        linked=[numbers[name] for name in linked(scenario.channel, place.name)],
     )
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr
 
 from faultloop.config.bus_fault import BusFault
 from faultloop.config.can import Can
+from faultloop.config.channel import Channel
 from faultloop.plant.component import PlantTables
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ class BusTables(PlantTables):
 
     can: Can = Can()
     bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
+    channel: tuple[Channel, ...] = Field(default=(), strict=False)
 
     _path: Path | None = PrivateAttr(default=None)
 

@@ -56,10 +56,11 @@ def decide(
     g, q = c.shared, s.shared
     q.changed = 0
     for n in range(words.shape[0]):
-        poles, close, pilot, notices = q.poles, q.close_poles, q.pilot, q.notices
+        poles, close, pilot, notices, transfer = q.poles, q.close_poles, q.pilot, q.notices, q.transfer
         begin(g, q, samples[n], phasors[n], loops[n])
         step_functions(c, s)
         finish(g, q, words[n])
-        if q.poles != poles or q.close_poles != close or q.pilot != pilot or q.notices != notices:
+        same = q.poles == poles and q.close_poles == close and q.pilot == pilot and q.transfer == transfer
+        if not same or q.notices != notices:
             return n + 1
     return words.shape[0]

@@ -33,11 +33,12 @@ class Event:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Output contacts: masks of poles to trip and to close, and the pilot bits."""
+    """Output contacts: masks of poles to trip and to close, of the pilot signal, and to trip far away."""
 
     trip_poles: int = 0
     close_poles: int = 0
     pilot: int = 0
+    transfer: int = 0
 
 
 @dataclass(frozen=True)

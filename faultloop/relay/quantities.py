@@ -94,7 +94,10 @@ QUANTITIES = np.dtype(
         ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
         ("closed", "i8"),  # mask of closed poles, as reported
-        ("received", "i8"),  # pilot bits from the far end
+        ("received", "i8"),  # mask of poles for which any far end sends its pilot signal
+        ("received_all", "i8"),  # and for which every one does
+        ("transferred", "i8"),  # mask of poles that a far end trips here
+        ("linked", "i8"),  # every channel works
         ("was_closed", "i8"),
         ("dead", "i8"),  # mask of poles without current, by the samples and by the breaker
         ("proven", "i8"),  # mask of phases whose voltage can be relied on
@@ -120,13 +123,16 @@ QUANTITIES = np.dtype(
         ("blocked_zones", "i8"),  # * mask of distance zones, by place in the settings, that are blocked
         ("zone_started", "i8"),  # * PDIS: a distance zone has started
         ("was_started", "i8"),  # the same at the sample before
+        ("zones", "i8"),  # * PDIS: mask of zones, by place in the settings, that have started
+        ("zones_done", "i8"),  # * PDIS: that have operated
         ("inside", "i8"),  # * PDIS: the fault is inside a zone, started or not yet
         ("started", "i8"),  # * any function has started
         ("request", REQUEST),  # * the first wish of this sample to trip
         # outputs; OUTPUTS names them
         ("poles", "i8"),  # PTRC: mask of poles to trip
         ("close_poles", "i8"),  # mask of poles to close
-        ("pilot", "i8"),  # * pilot bits to the far end
+        ("pilot", "i8"),  # * mask of poles of the pilot signal to the far end
+        ("transfer", "i8"),  # * mask of poles to trip at the far end
         ("notices", "i8"),  # something to tell has happened; counts on
         ("changed", "i8"),  # samples of this block at which a bit changed
         ("held", "i8"),  # a trip stood when the sample came
@@ -138,9 +144,9 @@ QUANTITIES = np.dtype(
     align=True,
 )
 
-INPUTS = ("closed", "received")
+INPUTS = ("closed", "received", "received_all", "transferred", "linked")
 """Neighbouring fields, as are these:"""
-OUTPUTS = ("poles", "close_poles", "pilot", "notices", "changed")
+OUTPUTS = ("poles", "close_poles", "pilot", "transfer", "notices", "changed")
 
 
 def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
@@ -194,6 +200,7 @@ def _minimum_current(settings: RelaySettings) -> float:
 def clear(q: NDArray[np.void]) -> None:
     """The quantities of a relay that has seen nothing."""
     q["closed"] = q["was_closed"] = 7
+    q["linked"] = 1  # until something is missed
 
 
 @njit
@@ -307,7 +314,10 @@ def forget(q: Record) -> None:
     q.zone_started = 0
     q.inside = 0
     q.started = 0
+    q.zones = 0
+    q.zones_done = 0
     q.pilot = 0
+    q.transfer = 0
     q.request.made = 0
     q.pickup = 0
     q.operate = 0

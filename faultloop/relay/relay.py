@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,13 +31,15 @@ ESTIMATORS = "faultloop.estimators"
 """Group of entry points."""
 
 
-@dataclass(frozen=True)
-class RelayInputs:
-    """Binary inputs: mask of closed poles as the breaker reports them, and the received pilot bits (no scheme
-    uses them yet)."""
+class RelayInputs(NamedTuple):
+    """Binary inputs: masks of the poles that are closed as the breaker reports them, of the pilot signals of
+    any far end and of every one, of a trip from a far end; 1 while every channel works."""
 
     breaker_closed: int = 7
     pilot: int = 0
+    pilot_all: int = 0
+    transfer: int = 0
+    linked: int = 1
 
 
 class Relay:
@@ -87,7 +88,7 @@ class Relay:
         """In a bank, where it is in one."""
         self.sample_count = 0
         self._last_words = (0, 0)
-        self._last_outputs = [0, 0, 0, 0]
+        self._last_outputs = [0] * (len(OUTPUTS) - 1)
         self._capacity = 0
         self._reserve(FIRST_CAPACITY)
         self.phasors, self.loops = self._phasors[:0], self._loops[:0]
@@ -96,7 +97,7 @@ class Relay:
     @property
     def outputs(self) -> Outputs:
         """The outputs at the last sample done."""
-        return Outputs(*self._outputs[:3].tolist())
+        return Outputs(*self._outputs[:4].tolist())
 
     @property
     def fault_location(self) -> float:
@@ -123,7 +124,7 @@ class Relay:
             raise ValueError(f"samples must be (n, 6) with n >= 1, not {samples.shape}")
         samples = np.ascontiguousarray(samples, np.float64)
         self._reserve(len(samples))
-        self._inputs[0], self._inputs[1] = self.inputs.breaker_closed, self.inputs.pilot
+        self.set_inputs(self.inputs)
         before = self._save_ahead()
         done = self._run(samples)
         if done < len(samples):  # what runs ahead of the decision goes back and follows it
@@ -202,9 +203,9 @@ class Relay:
         self._state, self._measure_state = state, measure_state
         self._face()
 
-    def set_inputs(self, breaker_closed: int, pilot: int) -> None:
+    def set_inputs(self, inputs: RelayInputs) -> None:
         """From the next sample on."""
-        self._inputs[0], self._inputs[1] = breaker_closed, pilot
+        self._inputs[:] = inputs
 
     def estimate(self, samples: Array, phasors: Array, loops: Array) -> None:
         """What the decision then takes, of the next samples (n, 6), into (n, 14) and (n, 12)."""

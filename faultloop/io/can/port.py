@@ -32,8 +32,8 @@ FINE = 0
     SEQUENCE,
 ) = range(1, 14)
 
-TRIP, CLOSE, PILOT, BREAKER_STATUS = (
-    int(kind) for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.BREAKER_STATUS)
+TRIP, CLOSE, PILOT, TRANSFER, BREAKER_STATUS = (
+    int(kind) for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.TRANSFER, Kind.BREAKER_STATUS)
 )
 MEASUREMENTS, HEARTBEAT = int(Kind.MEASUREMENTS), int(Kind.HEARTBEAT)
 STATE_BYTES = 8

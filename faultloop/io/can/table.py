@@ -27,13 +27,14 @@ class Kind(IntEnum):
     TRIP = 0x010
     CLOSE = 0x020
     PILOT = 0x030
+    TRANSFER = 0x060
     BREAKER_STATUS = 0x100
     SAMPLED_VALUES = 0x180
     MEASUREMENTS = 0x300
     HEARTBEAT = 0x700
 
 
-STATE_KINDS = (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.BREAKER_STATUS)
+STATE_KINDS = (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.TRANSFER, Kind.BREAKER_STATUS)
 
 
 class Alarm(IntFlag):
@@ -103,6 +104,11 @@ MESSAGES = (
         Kind.PILOT, RELAYS, "RELAY", 8, False,
         "Pilot signal to the relay at the line's other end. Repeated as GOOSE repeats.",
         _protected("1: sent for this pole"),
+    ),
+    MessageType(
+        Kind.TRANSFER, RELAYS, "RELAY", 8, False,
+        "Direct transfer trip to the relays that a [[channel]] links. Repeated as GOOSE repeats.",
+        _protected("1: trip this pole"),
     ),
     MessageType(
         Kind.BREAKER_STATUS, BREAKERS, "BREAKER", 8, False,

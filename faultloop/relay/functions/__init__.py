@@ -9,6 +9,7 @@ from faultloop.relay.functions.pdis import PDIS
 from faultloop.relay.functions.pfrc import PFRC
 from faultloop.relay.functions.phs import PHS
 from faultloop.relay.functions.pioc import PIOC
+from faultloop.relay.functions.psch import PSCH
 from faultloop.relay.functions.psof import PSOF
 from faultloop.relay.functions.ptoc import PTOC
 from faultloop.relay.functions.ptof import PTOF
@@ -24,7 +25,7 @@ from faultloop.relay.functions.tvtr import TVTR
 from faultloop.relay.functions.zload import ZLOAD
 
 FUNCTIONS: tuple[Function, ...] = (
-    *(TVTR, RPSB, PHS, ZLOAD, RDIR, PDIS, PSOF),
+    *(TVTR, RPSB, PHS, ZLOAD, RDIR, PDIS, PSOF, PSCH),
     *(PIOC, PTOC, PTUV, PTOV, PTUF, PTOF, PFRC, ELEMENT),
     *(RBRF, PTRC, RFLO, LPHD),
 )

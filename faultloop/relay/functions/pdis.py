@@ -401,6 +401,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         q.zone_started |= w.pickup
     q.inside |= w.counter > 0
     q.pilot |= w.pickup & c.pilot
+    q.zones |= w.pickup << c.number
+    q.zones_done |= w.operate << c.number
     publish(q, c.bit, w.pickup, w.operate)
     if w.operate and c.trips:
         request_trip(q, c.bit, w.fault, 0)
