@@ -18,8 +18,9 @@ BusFaultKind = Literal[
     "bit_error", "babbling", "forging", "bus_off", "restart",
 ]  # fmt: skip
 MessageName = Literal[
-    "trip", "close", "pilot", "breaker_status", "sampled_values", "measurements", "heartbeat"
+    "trip", "close", "pilot", "transfer", "breaker_status", "sampled_values", "measurements", "heartbeat"
 ]
+FORGED = ("trip", "close", "pilot", "transfer", "breaker_status")
 Content = Literal["random", "replayed", "crafted"]
 
 STAGES = ("loss", "corruption", "delay", "duplication", "reordering")
@@ -91,8 +92,8 @@ class BusFault(Table):
         for key in _NEEDED.get(self.kind, ()):
             if key not in self.model_fields_set or getattr(self, key) is None:
                 raise ValueError(f"{self.kind} needs {key}")
-        if self.kind == "forging" and self.message not in ("trip", "close", "pilot", "breaker_status"):
-            raise ValueError("forging: message must be trip, close, pilot or breaker_status")
+        if self.kind == "forging" and self.message not in FORGED:
+            raise ValueError("forging: message must be trip, close, pilot, transfer or breaker_status")
         return self
 
     @model_validator(mode="after")

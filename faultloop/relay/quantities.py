@@ -124,7 +124,6 @@ QUANTITIES = np.dtype(
         ("zone_started", "i8"),  # * PDIS: a distance zone has started
         ("was_started", "i8"),  # the same at the sample before
         ("zones", "i8"),  # * PDIS: mask of zones, by place in the settings, that have started
-        ("zones_done", "i8"),  # * PDIS: that have operated
         ("inside", "i8"),  # * PDIS: the fault is inside a zone, started or not yet
         ("started", "i8"),  # * any function has started
         ("request", REQUEST),  # * the first wish of this sample to trip
@@ -315,7 +314,6 @@ def forget(q: Record) -> None:
     q.inside = 0
     q.started = 0
     q.zones = 0
-    q.zones_done = 0
     q.pilot = 0
     q.transfer = 0
     q.request.made = 0

@@ -22,5 +22,7 @@ def change_texts(
                 was, is_on = before[kind] >> place & 1, now[kind] >> place & 1
                 if was != is_on:
                     detail = "reset" if not is_on else instance.function.detail(on)
-                    lines.append(" ".join(f"{name} {data} {detail}".split()))
+                    # a name with a dot is whole: a signal is there, which is no start
+                    said = name.replace(".", " ") if "." in name and kind == 0 else f"{name} {data}"
+                    lines.append(" ".join(f"{said} {detail}".split()))
     return lines

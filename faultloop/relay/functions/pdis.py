@@ -388,8 +388,7 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
 
 @njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
-    """One sample of a zone; a voltage's change alone - a voltage transformer's fault, or one that does not
-    reach us - leaves it as it is."""
+    """One sample of a zone; a change of voltage alone (a fuse, a fault far away) leaves it as it is."""
     if not q.disturbed:
         reset_zone(w)
         return
@@ -402,7 +401,6 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     q.inside |= w.counter > 0
     q.pilot |= w.pickup & c.pilot
     q.zones |= w.pickup << c.number
-    q.zones_done |= w.operate << c.number
     publish(q, c.bit, w.pickup, w.operate)
     if w.operate and c.trips:
         request_trip(q, c.bit, w.fault, 0)

@@ -61,6 +61,7 @@ class Psch(Table):
     """``[psch]``: the scheme; both ends have the same `type`, and a ``[[channel]]`` between them."""
 
     type: Literal["putt", "pott", "dcb", "dutt", "dtt"]
+    """Permissive under- or overreaching, blocking, direct underreaching, or transferred trips alone."""
     pilot_zone: Zone = 2
     """Overreaching, forward: what is compared with the signal."""
     send_zone: Zone = 1
@@ -82,7 +83,9 @@ class Psch(Table):
     send_hold_ms: Milliseconds = 100.0
     """A signal that a trip goes with lasts at least so long."""
     weak_infeed: Literal["off", "echo", "echo-and-trip"] = "off"
+    """What an end does that sees nothing of a fault: sends the signal back, trips by low voltage too."""
     echo_delay_ms: Milliseconds = 10.0
+    """From the signal to its echo."""
     echo_ms: Milliseconds = 100.0
     """So long an echo lasts at most."""
     echo_lockout_ms: Milliseconds = 250.0
@@ -287,7 +290,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         request_trip(q, c.bit, type_of(trip), 0 if c.pole_bits else 1)
 
     # what it sends
-    if op or (q.zones_done & c.send) != 0:
+    if op or (under and q.poles):
         w.hold = c.send_hold
         w.held = own
     elif w.hold > 0:
