@@ -185,7 +185,7 @@ def magnetize(front: FrontEnds, state: Analog, tables: PlantTables) -> None:
         state.ct[k, :, FLUX] += ct.remanence_pu * ct.flux_at_vs(hz)
 
 
-@inner
+@inner(forceinline=True)
 def measure(
     front: FrontEnds, v: NDArray[np.float64], current: NDArray[np.float64], x: NDArray[np.float64]
 ) -> None:
@@ -221,7 +221,7 @@ def lowpass(front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.float64]) ->
                 x[i, c] = out
 
 
-@inner
+@inner(forceinline=True)
 def convert(front: FrontEnds, number: int, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """Sample ``number`` of every relay: noise, quantization, clipping."""
     for i in range(x.shape[0]):

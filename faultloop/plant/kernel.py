@@ -184,7 +184,7 @@ def between(a: Floats, b: Floats, share: float) -> None:
             b[i, p] = a[i, p] + share * (b[i, p] - a[i, p])
 
 
-@inner
+@inner(forceinline=True)
 def arrive(
     net: Network, factor: Factor, state: State, watch: Watch, front: FrontEnds, samples: Floats
 ) -> None:

@@ -104,7 +104,7 @@ def poles(mask: int) -> NDArray[np.bool_]:
     return (mask & POLE_BITS) != 0
 
 
-@njit
+@njit(forceinline=True)
 def switch_currents(bus: Ints, conductance: Floats, v: Floats, current: Floats) -> None:
     """Through every switch; ``bus`` (switches, 2) rows of v, ``conductance`` (switches, 9) [S]."""
     for s in range(bus.shape[0]):
