@@ -1,9 +1,10 @@
 """The one compiler decorator.
 
-numba's file cache keys on the file that holds a function, so a caller keeps the stale machine code of a
-callee that changed in another file (numba issue 1833).  The cache directory is therefore keyed by a digest
-of the kernel-bearing sources that a kernel may call (`CALLS`): ``plant`` and ``relay`` share no code, so each
-has a digest of its own; what is called by its `Address` need not be covered.
+numba's file cache keys on the path and time of the file that holds a function, so a caller keeps the stale
+machine code of a callee that changed in another file (numba issue 1833), and every checkout compiles anew.
+The cache is therefore keyed by a digest of the sources of all that a kernel may call (`CALLS`), and by that
+alone: ``plant`` and ``relay`` share no code, so each has a digest of its own; what is called by its `Address`
+need not be covered.
 ``fastmath`` stays off: a trip decision must be the same bits everywhere.
 
 Without a place to keep machine code (no home, a read-only one) a folder of this user's in the temporary one
@@ -17,20 +18,24 @@ import os
 import stat
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from functools import cache
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numba
 from llvmlite import ir
-from numba.core import config as numba_config
 from numba.core import event, types
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
-config: Any = numba_config
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+
 PACKAGE = Path(__file__).parent
 CALLS = {
     "plant": ("plant",),
@@ -44,14 +49,13 @@ CALLS = {
 
 @cache
 def source_digest(area: str) -> str:
-    """Hex digest of the sources whose kernels those of ``faultloop/<area>`` may call, and of this file."""
+    """Hex digest of the sources whose kernels those of ``faultloop/<area>`` may call, and of this file; all
+    of them, as kernels have in them the constants of modules that have no kernel."""
     digest = hashlib.sha256(Path(__file__).read_bytes())
     covered = [PACKAGE / name for name in CALLS.get(area, ("",))]
     for path in sorted(path for folder in covered for path in folder.rglob("*.py")):
-        source = path.read_bytes()
-        if b"njit" in source:
-            digest.update(path.relative_to(PACKAGE).as_posix().encode())
-            digest.update(source)
+        digest.update(path.relative_to(PACKAGE).as_posix().encode())
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -151,6 +155,89 @@ class _Cache(FunctionCache):
         with suppress(OSError):
             super().save_overload(sig, data)
 
+    def holds_something(self) -> bool:
+        return Path(self._cache_file._index_path).exists()
+
+
+class _Locator:
+    """Where numba keeps a kernel: by the folder's digest of all sources, so that checkouts and installations
+    of the same ones share it, whatever their paths and times are."""
+
+    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
+        self._folder = folder / function.__module__
+        self._line = function.__code__.co_firstlineno
+
+    def get_cache_path(self) -> str:
+        return str(self._folder)
+
+    def ensure_cache_path(self) -> None:
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def get_source_stamp(self) -> str:
+        return ""
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+
+class _Impl(FunctionCache._impl_class):
+    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
+        locator = _Locator(function, folder)
+        self._locator_classes = [SimpleNamespace(from_function=lambda *_: locator)]
+        super().__init__(function)
+
+
+class _SharedCache(_Cache):
+    """In a folder of ours.  Of two processes that need the same machine code one makes it, and the other
+    waits and loads it.
+
+    A kernel's lock is taken before those of what it calls, in every process: nobody waits in a circle.  One
+    that dies leaves no lock behind.
+    """
+
+    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
+        self._impl_class = partial(_Impl, folder=folder)
+        super().__init__(function)
+
+    _lock: int | None = None
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = super().load_overload(sig, target_context)
+        if found is None and self._wait_for_turn():
+            found = super().load_overload(sig, target_context)
+            if found is not None:
+                self._release()
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        try:
+            super().save_overload(sig, data)
+        finally:
+            self._release()
+
+    def _wait_for_turn(self) -> bool:
+        """Whether anybody else had to be waited for."""
+        if fcntl is None or self._lock is not None:
+            return False
+        try:
+            self._impl.locator.ensure_cache_path()
+            self._lock = os.open(
+                self._cache_file._index_path + ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC
+            )
+            try:
+                fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                fcntl.flock(self._lock, fcntl.LOCK_EX)
+                return True
+        except OSError:  # a file system without locks: each compiles for itself
+            self._release()
+        return False
+
+    def _release(self) -> None:
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            os.close(lock)
+
 
 class Address(types.WrapperAddressProtocol):
     """A compiled kernel as a value that others take and call.
@@ -191,18 +278,6 @@ def _call_step(typing_context, address, state, x, out):
 call_step: Any = _call_step  # inside a kernel without the typing context
 
 
-@contextmanager
-def cache_folder(name: str) -> Iterator[None]:
-    """What is decorated within is kept in this folder of the cache (numba chooses as it decorates); only
-    where there is a `cache_root`."""
-    before = config.CACHE_DIR
-    config.CACHE_DIR = str((cache_root() or Path()) / name)
-    try:
-        yield
-    finally:
-        config.CACHE_DIR = before
-
-
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """``numba.njit`` with a file cache and IEEE arithmetic; ``@njit`` or ``@njit(inline="always")``.
 
@@ -229,6 +304,11 @@ def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     return njit(function, **{"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True} | options)
 
 
+def is_kept(kernel: Any) -> bool:
+    """Whether machine code of a kernel is in the cache; False also where there is no cache."""
+    return isinstance(kernel._cache, _Cache) and kernel._cache.holds_something()
+
+
 def _keep(kernel: Any, function: Callable[..., Any]) -> None:
     """Give a kernel its file cache, where there is a place for one."""
     package, _, rest = function.__module__.partition(".")
@@ -242,6 +322,6 @@ def _keep(kernel: Any, function: Callable[..., Any]) -> None:
 
 def keep_in(folder: str, kernel: Any, function: Callable[..., Any]) -> None:
     """Give a kernel made of ``function`` its file cache in a folder of the cache, where there is a place."""
-    if cache_root() is not None:
-        with cache_folder(folder):
-            kernel._cache = _Cache(function)
+    root = cache_root()
+    if root is not None:
+        kernel._cache = _SharedCache(function, root / folder)

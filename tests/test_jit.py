@@ -8,6 +8,7 @@ import os
 import pkgutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,36 @@ def test_compilation_is_told_when_it_happens(tmp_path: Path) -> None:
         file.write_bytes(b"damaged")
     assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
     assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == [line]  # and mended
+
+
+def test_the_same_source_elsewhere_is_not_compiled_again(tmp_path: Path) -> None:
+    """Another checkout, another installation, a file that was touched."""
+    cache, other = tmp_path / "cache", tmp_path / "other"
+    other.mkdir()
+    line = f"42 {cache} None"
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
+    assert told(other, FAULTLOOP_CACHE=str(cache)) == [line]
+
+
+def test_of_several_processes_one_compiles(tmp_path: Path) -> None:
+    cache = str(tmp_path / "cache")
+    with ThreadPoolExecutor(4) as pool:
+        folders = [tmp_path / str(i) for i in range(4)]
+        for folder in folders:
+            folder.mkdir()
+        said = list(pool.map(lambda folder: told(folder, FAULTLOOP_CACHE=cache), folders))
+    assert sorted(len(lines) for lines in said) == [1, 1, 1, 2]
+
+
+def test_a_lock_is_no_older_than_its_process(tmp_path: Path) -> None:
+    """One that was killed while it compiled leaves the file behind, and nobody waits for it."""
+    cache = tmp_path / "cache"
+    line = f"42 {cache} None"
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
+    assert list(cache.rglob("*.lock"))
+    for file in cache.rglob("*.nb?"):
+        file.unlink()
+    assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
 
 
 @pytest.mark.parametrize("area", CALLS)

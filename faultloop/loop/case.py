@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from faultloop.io.can.transport import Transport
+from faultloop.loop.beside import compile_beside
 from faultloop.loop.closed_loop import ClosedLoop
 from faultloop.loop.inputs import check_settings
 from faultloop.loop.outcome import Cast, Fold, Outcome
@@ -76,6 +77,7 @@ class Cases:
     """
 
     def __init__(self) -> None:
+        compile_beside()
         self._files: dict[Any, RelaySettings] = {}
         self._relays: dict[tuple[str, str], _Kept] = {}
         self._known: dict[tuple[str, int], tuple[RelaySettings, _Kept]] = {}

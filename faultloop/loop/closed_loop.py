@@ -12,9 +12,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from operator import itemgetter
-from typing import Any, cast
+from typing import Any
 
-import numba
 import numpy as np
 
 from faultloop.errors import InputError, nearest
@@ -101,7 +100,7 @@ class ClosedLoop:
     def run(self, progress: Callable[[float], None] | None = None) -> None:
         """From the first sample to the last."""
         self._begin()
-        self._compile()
+        self.compile()
         self.began_s = time.perf_counter()
         started = time.monotonic()
         while self.sample_count < self.total and not self.interrupted:
@@ -136,12 +135,10 @@ class ClosedLoop:
             for relay in self.relays:
                 relay.check_elements()
 
-    def _compile(self) -> None:
-        """What is to run; nothing where this process has done so, or the cache has it."""
+    def compile(self, *, backwards: bool = False) -> None:
+        """What is to run (`drive.compile_loop`)."""
         loop = (self._course, self._traffic.x, self.plant.parts, self._bank)
-        kernels, follow = drive.kernels_for(*loop), cast(Any, drive.follow)
-        if not follow.overloads:
-            follow.compile(tuple(cast(Any, numba.typeof)(argument) for argument in (*loop, kernels)))
+        drive.compile_loop(*loop, backwards=backwards)
 
     def _follow(self) -> int:
         loop = (self._course, self._traffic.x, self.plant.parts, self._bank)

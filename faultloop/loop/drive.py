@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from numba.core import types
 from numpy.typing import NDArray
 
 from faultloop.io.can.port import TRIP
@@ -90,9 +91,9 @@ def new_course(closed: Sequence[int], relays: int, clock: SampleClock, rows: int
 class Kernels(NamedTuple):
     """By address."""
 
-    advance: Any
     measure: Any
     decide: Any
+    advance: Any
     serve: Any
 
 
@@ -285,18 +286,40 @@ _known: list[Kernels] = []
 def kernels_for(course: Course, x: Exchange, plant: PlantParts, bank: Bank) -> Kernels:
     """Of every loop in this process: what they are called with has always the same types."""
     if not _known:
-        typeof: Any = numba.typeof
-        of_plant = [typeof(part) for part in plant]
-        rows = typeof(course.samples[0])
-        flat = (typeof(bank.phasors[0]), typeof(bank.loops[0]))
-        _known.append(
-            Kernels(
-                Address(advance, *of_plant, typeof(course.samples)),
-                Address(measure, typeof(bank.measure_constants), typeof(bank.measure_state), *flat),
-                Address(
-                    decide, typeof(bank.constants), typeof(bank.state), rows, *flat, typeof(bank.words[0])
-                ),
-                Address(serve, typeof(x), numba.int64),
-            )
-        )
+        addresses = [Address(kernel, *sig.args) for kernel, sig in _signatures(course, x, plant, bank)]
+        _known.append(Kernels(*addresses))
     return _known[0]
+
+
+def compile_loop(
+    course: Course, x: Exchange, plant: PlantParts, bank: Bank, *, backwards: bool = False
+) -> None:
+    """All that `follow` needs, and itself; nothing where this process has done so, or the cache has it.
+
+    ``backwards`` begins where others end (`faultloop.loop.beside`)."""
+    kernels = _signatures(course, x, plant, bank)
+    called: Any = types.NamedTuple([types.FunctionType(sig) for _, sig in kernels], Kernels)
+    loop = tuple(_typeof(part) for part in (course, x, plant, bank))
+    wanted = [*((kernel, sig.args) for kernel, sig in kernels), (follow, (*loop, called))]
+    for kernel, arguments in reversed(wanted) if backwards else wanted:
+        kernel.compile(arguments)
+
+
+def _signatures(
+    course: Course, x: Exchange, plant: PlantParts, bank: Bank
+) -> tuple[tuple[Any, Any], tuple[Any, Any], tuple[Any, Any], tuple[Any, Any]]:
+    """The `Kernels`, in their order, each with its signature."""
+    rows = _typeof(course.samples[0])
+    flat = (_typeof(bank.phasors[0]), _typeof(bank.loops[0]))
+    return (
+        (measure, types.void(_typeof(bank.measure_constants), _typeof(bank.measure_state), *flat)),
+        (
+            decide,
+            types.int64(_typeof(bank.constants), _typeof(bank.state), rows, *flat, _typeof(bank.words[0])),
+        ),
+        (advance, types.int64(*(_typeof(part) for part in plant), _typeof(course.samples))),
+        (serve, types.int64(_typeof(x), types.int64)),
+    )
+
+
+_typeof: Any = numba.typeof

@@ -14,6 +14,7 @@ from typing import Protocol
 from faultloop.config.override import overridden
 from faultloop.errors import InputError
 from faultloop.io.can.transport import Transport, open_transport
+from faultloop.loop.beside import compile_beside
 from faultloop.loop.closed_loop import ClosedLoop
 from faultloop.loop.doubts import scenario_doubts
 from faultloop.loop.inputs import Given, Inputs, check_expectations, load_inputs
@@ -70,6 +71,7 @@ def run(
 
     def made(chosen: Sequence[str]) -> tuple[Inputs, dict[str, Relay]]:
         inputs = load_inputs(what, settings, chosen, user_code=user_code)
+        compile_beside()
         relays = {name: Relay(own, name=name) for name, own in inputs.settings.items()}
         check_expectations(inputs.scenario, relays)
         return inputs, relays
