@@ -23,7 +23,7 @@ from contextlib import suppress
 from functools import cache, partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numba
 from llvmlite import ir
@@ -237,6 +237,14 @@ class _SharedCache(_Cache):
         lock, self._lock = self._lock, None
         if lock is not None:
             os.close(lock)
+
+
+def compiled(kernel: Any, *arguments: Any) -> Any:
+    """The machine code of a kernel for arguments of the types of these: it is called as the kernel is, and
+    with no others."""
+    kinds = tuple(cast(Any, numba.typeof)(argument) for argument in arguments)
+    kernel.compile(kinds)
+    return kernel.overloads[kinds].entry_point
 
 
 class Address(types.WrapperAddressProtocol):

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import copy
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -26,7 +27,32 @@ from faultloop.io.can.bits import FLAG, receivers_late, wire_bits
 from faultloop.io.can.confinement import STATES, Controller, ErrorSource, StateChange
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.length import check, wire_length
-from faultloop.io.can.record import delivered, new_frame, taken
+from faultloop.io.can.record import Bytes, delivered, new_frame, taken
+from faultloop.jit import compiled
+
+
+class _Kernels(NamedTuple):
+    """Of every bus; they are called without finding out types that are always the same, which takes four
+    times as long as the call."""
+
+    submit: Callable[[Bus, Bytes, int, int], None]
+    advance: Callable[[Bus, int], int]
+    next_event_ns: Callable[[Bus], int]
+
+
+_known: list[_Kernels] = []
+
+
+def _kernels(state: Bus) -> _Kernels:
+    if not _known:
+        submit = compiled(arbitration.submit_bytes, state, new_frame(), 0, 0)
+        advance, next_event_ns = (
+            compiled(arbitration.advance, state, 0),
+            compiled(arbitration.next_event_ns, state),
+        )
+        _known.append(_Kernels(submit, advance, next_event_ns))
+    return _known[0]
+
 
 WORD = {name: place for place, name in enumerate(WIRE.names or ())}
 __all__ = ["SECOND_NS", "BusLoad", "Delivery", "SimulatedBus"]
@@ -123,18 +149,17 @@ class SimulatedBus:
             raise ValueError(f"submitted at {t_ns} ns, but the bus is at {self.now_ns} ns")
         check(frame)  # refuses what cannot be sent
         self.reserve(1)
-        arbitration.submit_bytes(self.state, new_frame(frame), t_ns, self.number_of(sender))
+        _kernels(self.state).submit(self.state, new_frame(frame), t_ns, self.number_of(sender))
 
     def reserve(self, count: int) -> None:
         """Have room for `count` more frames that wait, and for the controllers of all senders."""
         state, senders = self.state, len(self._senders) + count
         if self._words[WORD["waiting"]] + count > len(state.waiting):
-            state = state._replace(waiting=_longer(state.waiting, count))
+            self.state = state = state._replace(waiting=_longer(state.waiting, count))
         if senders > len(state.controllers):
             changes = np.zeros(8 * senders, state.changes.dtype)
             changes[: len(state.changes)] = state.changes
-            state = state._replace(controllers=_longer(state.controllers, senders), changes=changes)
-        self.state = state
+            self.state = state._replace(controllers=_longer(state.controllers, senders), changes=changes)
 
     def duration_ns(self, frame: Frame) -> int:
         """Time on the wire, from the start of frame to the end of the end of frame [ns]."""
@@ -142,7 +167,7 @@ class SimulatedBus:
 
     def next_event_ns(self) -> int | None:
         """When the next frame is received, if none is submitted until then; None if none is under way."""
-        t_ns = arbitration.next_event_ns(self.state)
+        t_ns = _kernels(self.state).next_event_ns(self.state)
         return None if t_ns == NEVER else t_ns
 
     def advance(self, until_ns: int) -> list[Delivery]:
@@ -152,8 +177,9 @@ class SimulatedBus:
         be submitted for that instant.
         """
         received: list[Delivery] = []
+        advance = _kernels(self.state).advance
         while True:
-            code = arbitration.advance(self.state, until_ns)
+            code = advance(self.state, until_ns)
             if code == ASKS:
                 self.answer()
                 continue

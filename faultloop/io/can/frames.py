@@ -73,7 +73,10 @@ class State(NamedTuple):
     test: bool = False
 
     def encode(self) -> Frame:
-        return _encoded(*self.fields)
+        kind, number, poles, st_num, sq_num, counter, time, test = self
+        identifier = _BASE[kind] + number
+        payload = port.state_payload(identifier, counter, poles, test, st_num, sq_num, time)
+        return Frame(identifier, payload.to_bytes(port.STATE_BYTES, "little", signed=True))
 
     @property
     def fields(self) -> tuple[int, ...]:
@@ -194,9 +197,11 @@ def decode(frame: Frame) -> Message | Rejection:
 
 
 def _decode_state(kind: Kind, number: int, frame: Frame) -> State | Rejection:
-    message = new_message()
-    objection = port.decode_state_bytes(new_frame(frame), message)
-    return REJECTIONS[objection - 1] if objection else State.of(message)
+    payload = int.from_bytes(frame.data, "little", signed=True)
+    objection, counter, poles, test, st_num, sq_num, time = port.state_fields(frame.id, payload)
+    if objection:
+        return REJECTIONS[objection - 1]
+    return State(kind, number, poles, st_num, sq_num, counter, time, test != 0)
 
 
 def _decode_sampled_values(kind: Kind, number: int, frame: Frame) -> SampledValues | Rejection:
@@ -231,6 +236,8 @@ def _decode_heartbeat(kind: Kind, number: int, frame: Frame) -> Heartbeat:
 
 
 _KINDS = {int(kind): kind for kind in Kind}
+_BASE = {kind: int(kind) for kind in Kind}
+"""First identifiers: an enumeration's arithmetic takes as long as the frame."""
 _SHAPE = {kind: (message.length, message.fd) for kind, message in BY_KIND.items()}
 _DECODERS = {
     Kind.TRIP: _decode_state,

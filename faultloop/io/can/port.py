@@ -95,9 +95,34 @@ def encode_bytes(message: Bytes, frame: Bytes) -> None:
 
 
 @njit
-def decode_state_bytes(frame: Bytes, message: Bytes) -> int:
-    """`decode_state` for whoever is not compiled."""
-    return decode_state(frame.view(FRAME)[0], message.view(MESSAGE)[0])
+def state_payload(
+    identifier: int, counter: int, poles: int, test: bool, st_num: int, sq_num: int, time: int
+) -> int:
+    """The 8 bytes of a state's frame as an int64, the first byte the least significant."""
+    body = counter << 8 | poles << 12 | int(np.int64(test)) << 15
+    body |= (st_num & 0xFF) << 16 | (sq_num & 0xFF) << 24 | time << 32
+    return body | _crc(identifier, body)
+
+
+@njit
+def state_fields(identifier: int, payload: int) -> tuple[int, int, int, int, int, int, int]:
+    """Objection, counter, poles, test, state and sequence number, time of a `state_payload`."""
+    counter = payload >> 8 & 0x0F
+    objection = FINE
+    if payload & 0xFF != _crc(identifier, payload):
+        objection = CRC
+    elif counter >= P01_COUNTERS:
+        objection = VALUE
+    poles, test = payload >> 12 & 7, payload >> 15 & 1
+    st_num, sq_num, time = payload >> 16 & 0xFF, payload >> 24 & 0xFF, payload >> 32 & 0xFFFFFFFF
+    return objection, counter, poles, test, st_num, sq_num, time
+
+
+@njit
+def _crc(identifier: int, payload: int) -> int:
+    data = np.empty(STATE_BYTES, np.uint8)
+    _put(data, 0, payload, STATE_BYTES)
+    return crc8(identifier, data, STATE_BYTES)
 
 
 @njit
@@ -109,12 +134,8 @@ def _put(data: NDArray[np.uint8], place: int, value: int, count: int) -> None:
 
 @njit
 def _encode_state(m: Record, frame: Record) -> None:
-    data = frame.data
-    data[1] = m.counter | m.poles << 4 | m.test << 7
-    data[2] = m.st_num
-    data[3] = m.sq_num
-    _put(data, 4, m.time, 4)
-    data[0] = crc8(frame.id, data, STATE_BYTES)
+    payload = state_payload(frame.id, m.counter, m.poles, m.test != 0, m.st_num, m.sq_num, m.time)
+    _put(frame.data, 0, payload, STATE_BYTES)
 
 
 @njit
@@ -145,21 +166,18 @@ def decode_state(frame: Record, m: Record) -> int:
         return FORMAT
     if frame.length != STATE_BYTES:
         return LENGTH
-    data = frame.data
-    if data[0] != crc8(frame.id, data, STATE_BYTES):
-        return CRC
-    bits = np.int64(data[1])
-    if bits & 0x0F >= P01_COUNTERS:
-        return VALUE
+    payload = np.int64(0)
+    for i in range(STATE_BYTES):
+        payload |= np.int64(frame.data[i]) << 8 * i
+    objection, counter, poles, test, st_num, sq_num, time = state_fields(frame.id, payload)
+    if objection != FINE:
+        return objection
     m.kind = kind
     m.number = frame.id - kind
-    m.counter = bits & 0x0F
-    m.poles = bits >> 4 & 7
-    m.test = bits >> 7
-    m.st_num = data[2]
-    m.sq_num = data[3]
-    time = np.int64(0)
-    for i in range(4):
-        time |= np.int64(data[4 + i]) << 8 * i
+    m.counter = counter
+    m.poles = poles
+    m.test = test
+    m.st_num = st_num
+    m.sq_num = sq_num
     m.time = time
     return FINE
