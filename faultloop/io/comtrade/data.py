@@ -58,6 +58,8 @@ def _stamps(raw: NDArray[np.uint32]) -> NDArray[np.float64]:
     """
     if not len(raw):
         return np.empty(0)
+    if raw.max() < 1 << 31 and (raw[1:] > raw[:-1]).all():  # nearly every file's
+        return raw.astype(float)
     steps = np.diff(raw).view(np.int32).astype(np.int64)
     first = int(raw[:1].view(np.int32)[0])
     stamps = (first + np.concatenate([[0], np.cumsum(steps)])).astype(float)
@@ -129,7 +131,9 @@ def _scaled(raw: NDArray[np.float64], index: int, config: Config) -> NDArray[np.
     with np.errstate(over="ignore", invalid="ignore"):
         raw *= channel.a
         raw += channel.b
-    raw[missing | ~np.isfinite(raw)] = np.nan
+        total = raw.sum()
+    if missing.any() or not np.isfinite(total):
+        raw[missing | ~np.isfinite(raw)] = np.nan
     return raw
 
 

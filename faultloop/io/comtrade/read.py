@@ -170,7 +170,9 @@ def _notes(config: Config, data: Data) -> list[str]:
         notes.append("the rows' sample numbers do not count up: the rows are taken one after the other")
     if samples and data.numbers[-1] != samples - 1:
         notes.append(f"{data.numbers[-1] + 1 - samples} samples are left out, by the samples' numbers")
-    missing = sum(int(np.isnan(values).sum()) for values in data.analog)
+    with np.errstate(over="ignore"):
+        gaps = [values for values in data.analog if np.isnan(values.sum())]
+    missing = sum(int(np.isnan(values).sum()) for values in gaps)
     if missing:
         notes.append("1 value is missing" if missing == 1 else f"{missing} values are missing")
     return notes + _other_rate(config, data)
@@ -181,7 +183,10 @@ def _other_rate(config: Config, data: Data) -> list[str]:
     if len(config.rates) != 1 or len(data.stamps) < 10 or np.isnan(data.stamps).any():
         return []
     hz, steps = config.rates[0].hz, np.diff(data.stamps)
-    if not (steps > 0).all():
+    shortest, longest = float(steps.min()), float(steps.max())
+    if shortest <= 0:
+        return []
+    if all(abs(1e9 / (step * config.stamp_ns) / hz - 1) < 0.05 for step in (shortest, longest)):
         return []
     counted = 1e9 / (float(np.median(steps)) * config.stamp_ns)
     # Stamps of whole microseconds, or of milliseconds, are rounded.
