@@ -16,6 +16,13 @@ def command(
     parquet: Annotated[Path | None, typer.Option(metavar="DIR", help="A Parquet file per topic.")] = None,
     csv: Annotated[Path | None, typer.Option(metavar="DIR", help="A CSV file per topic.")] = None,
     can: Annotated[Path | None, typer.Option(metavar="F.blf|.asc|.log", help="The CAN frames.")] = None,
+    pcap: Annotated[
+        Path | None, typer.Option(metavar="F.pcap", help="As GOOSE and Sampled Values (IEC 61850).")
+    ] = None,
+    scl: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Who publishes them: a CID file per IED, and an SCD file."),
+    ] = None,
     relay: Annotated[
         str | None, typer.Option(metavar="NAME", help="COMTRADE of this relay only; all where not given.")
     ] = None,
@@ -31,8 +38,11 @@ def command(
     from faultloop.errors import InputError
     from faultloop.io.mcap_reader import open_log
 
-    if all(target is None for target in (comtrade, parquet, csv, can)):
-        raise InputError("say what to write: --comtrade F.cfg, --parquet DIR, --csv DIR or --can F.blf")
+    if all(target is None for target in (comtrade, parquet, csv, can, pcap, scl)):
+        raise InputError(
+            "say what to write: --comtrade F.cfg, --parquet DIR, --csv DIR, --can F.blf, --pcap F.pcap "
+            "or --scl DIR"
+        )
     opened = open_log(log)
     written: list[Path] = []
     if comtrade is not None:
@@ -48,6 +58,11 @@ def command(
         from faultloop.review.export import log_to_can
 
         written += log_to_can(opened, can)
+    if pcap is not None or scl is not None:
+        from faultloop.review.process_bus import log_to_pcap, log_to_scl
+
+        written += log_to_pcap(opened, pcap) if pcap is not None else []
+        written += log_to_scl(opened, scl) if scl is not None else []
     warnings = warn_of(opened)
     if json:
         print_json({"written": [str(path) for path in written], "warnings": warnings})

@@ -114,10 +114,10 @@ def run_role(options: NodeOptions, supervision: Supervision | None = None) -> bo
         check_log_path(options.log)
     # The bus first: it is wrong more often than the rest, and found at once.
     bus = bus_of(scenario, options.can)
-    open_link(bus, fd=True).close()
+    open_link(bus, fd=True, scenario=scenario).close()
     changes = changes_of(of_settings, options.name or "", [place.name for place in scenario.relay])
     node, wanted = make_node(scenario, options.role, number, options.closed, changes)
-    link = open_link(bus, fd=True, identifiers=[*wanted, TIME])
+    link = open_link(bus, fd=True, identifiers=[*wanted, TIME], scenario=scenario)
     metadata = {
         "node": {"role": options.role, "name": node.name, "pace": f"{options.pace:g}"},
         "versions": versions(),

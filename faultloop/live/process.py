@@ -20,7 +20,7 @@ from typing import Any, Protocol
 
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, Heartbeat, SampledValues, decode
-from faultloop.io.can.link import Link
+from faultloop.io.can.link import Link, TimedLink
 from faultloop.io.can.table import PLANT_NODE, TICK_NS
 from faultloop.live.clock import RunClock
 from faultloop.live.transmit_queue import TransmitQueue
@@ -216,6 +216,8 @@ def run_node(
             )
         if clock is None:
             return False
+        if isinstance(link, TimedLink):
+            link.attend(clock)
         recorder = open_log(log, clock, metadata)
         try:
             node.begin(recorder, clock)

@@ -13,7 +13,7 @@ from pathlib import Path
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, Rejection, State
-from faultloop.io.can.link import Link
+from faultloop.io.can.link import Link, TimedLink
 from faultloop.io.can.socketcan import open_link
 from faultloop.io.can.table import BY_IDENTIFIER, PLANT_NODE, RELAYS, Kind
 from faultloop.io.mcap_reader import Log, open_log
@@ -92,7 +92,7 @@ class Supervisor:
         self.broken: InputError | None = None
         """Why the bus was lost, if it was."""
         self._names = _names(scenario)
-        self.link: Link = open_link(self.bus, fd=True)
+        self.link: Link = open_link(self.bus, fd=True, scenario=scenario)
         self.clock: RunClock | None = None
         self._recorder = Recorder([])
         self._refusals = Refusals(self._tell)
@@ -141,6 +141,8 @@ class Supervisor:
                 raise InputError(f"not ready within {READY_WITHIN_S:g} s: {waiting}")
             time.sleep(0.01)
         self.clock = clock = RunClock.starting_now(self.pace, LEAD_S)
+        if isinstance(self.link, TimedLink):
+            self.link.attend(clock)
         self._recorder = Recorder([LogWriter(self.folder / "bus.mcap", clock.start_ns)])
         for child in self._children.values():
             child.start(clock)

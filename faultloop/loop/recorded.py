@@ -36,13 +36,25 @@ def _is_impedance(value: object) -> bool:
     return isinstance(value, list) and len(value) == 2 and all(map(_is_number, value))
 
 
+def _is_flag(value: object) -> bool:
+    return isinstance(value, bool)
+
+
 Kinds = Mapping[str, Callable[[object], bool]]
 SCENARIO: Mapping[str, Kinds] = {
     "scenario": {"name": _is_text, "duration_s": _is_number},
-    "system": {"frequency_hz": _is_frequency},
+    "system": {"frequency_hz": _is_frequency, "sampling_hz": _is_positive},
+    "can": {"heartbeat_s": _is_positive},
+    "iec61850": {
+        "sampled_values": _is_text,
+        "vlan_id": _is_number,
+        "vlan_priority": _is_number,
+        "simulation": _is_flag,
+    },
 }
 SCENARIO_LISTS: Mapping[str, Kinds] = {
     "relay": {"name": _is_text, "line": _is_text, "breaker": _is_text},
+    "breaker": {"name": _is_text},
     "fault": {"name": _is_text, "line": _is_text, "bus": _is_text, "type": _is_text, "at_pu": _is_number,
               "at_km": _is_number, "resistance_ohm": _is_number, "ground_ohm": _is_number},
     "line": {"name": _is_text, "length_km": _is_positive, "r1_ohm_per_km": _is_number,
@@ -56,8 +68,8 @@ SETTINGS: Mapping[str, Kinds] = {
 
 
 def recorded_scenario(log: Log) -> Tables:
-    """Of the scenario what a reader of the log needs: [scenario], [system] as dicts, [[relay]], [[fault]],
-    [[line]] as lists of dicts; a relay that has no name is not in it."""
+    """Of the scenario what a reader of the log needs: [scenario], [system], [can], [iec61850] as dicts,
+    [[relay]], [[breaker]], [[fault]], [[line]] as lists of dicts; a relay that has no name is not in it."""
     found = _json(log, "scenario", "json")
     out: Tables = {
         name: _checked(log, "scenario", name, found.get(name), kinds) for name, kinds in SCENARIO.items()

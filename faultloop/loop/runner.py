@@ -125,7 +125,7 @@ def _bus(scenario: Scenario, can: str | None) -> Transport:
     """A bus of the run's own, unless one on which others may listen is asked for by its name."""
     if can is None and not scenario.can.named:
         return Transport.alone(scenario.can)
-    return open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns)
+    return open_transport(scenario.can, can, start_ns=scenario.scenario.start_ns, scenario=scenario)
 
 
 class Interrupted(KeyboardInterrupt):

@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr
 from faultloop.config.bus_fault import BusFault
 from faultloop.config.can import Can
 from faultloop.config.channel import Channel
+from faultloop.config.iec61850 import Iec61850
 from faultloop.plant.component import PlantTables
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ class BusTables(PlantTables):
     """The tables of the plant, of the bus and of what befalls it."""
 
     can: Can = Can()
+    iec61850: Iec61850 = Iec61850()
     bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
     channel: tuple[Channel, ...] = Field(default=(), strict=False)
 

@@ -7,7 +7,7 @@ from collections import deque
 
 import can
 
-from faultloop.io.can.link import Link
+from faultloop.io.can.link import Clock, Link, TimedLink
 from faultloop.io.can.message import from_message, to_message
 
 
@@ -26,6 +26,11 @@ class LinkedBus(can.BusABC):
         self.channel_info = channel
         self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
         self._link, self._received = link, deque[can.Message]()
+
+    def attend(self, clock: Clock) -> None:
+        """The run's time, for a link that has use for it."""
+        if isinstance(self._link, TimedLink):
+            self._link.attend(clock)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send it; how long that may take is the link's affair."""

@@ -13,6 +13,7 @@ import socket
 import struct
 import time
 from collections.abc import Iterable
+from typing import Any
 
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame
@@ -40,7 +41,7 @@ _TIMESPEC = struct.Struct("=qq")
 _FULL = (errno.ENOBUFS, errno.EAGAIN)
 
 
-def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None) -> Link:
+def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None, scenario: Any = None) -> Link:
     """The bus ``INTERFACE:CHANNEL``: SocketCAN, what an installed package brings, or python-can's.
 
     Parameters
@@ -48,6 +49,7 @@ def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None) 
     fd : CAN FD frames, too.
     identifiers : of the frames that are wanted; all where not given, each then with the time at which the
         kernel got it, where that is known.
+    scenario : of the run, for a transport that has use for it.
 
     Raises
     ------
@@ -57,7 +59,7 @@ def open_link(channel: str, fd: bool, identifiers: Iterable[int] | None = None) 
     if not (interface and colon and name):
         raise InputError(f"'{channel}' is not INTERFACE:CHANNEL, as in socketcan:vcan0", key="--can")
     wanted = None if identifiers is None else frozenset(identifiers)
-    if (brought := transport_named(interface)) is not None:
+    if (brought := transport_named(interface, scenario)) is not None:
         return brought(name, wanted)
     if interface == "virtual":
         raise InputError(

@@ -15,13 +15,13 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.bus import BusLoad, Delivery, SimulatedBus
 from faultloop.io.can.confinement import StateChange
 from faultloop.io.can.frames import Frame
-from faultloop.io.can.link import transport_named, transport_names
+from faultloop.io.can.link import TimedLink, transport_named, transport_names
 from faultloop.io.can.message import from_message, to_message
 
 if TYPE_CHECKING:
@@ -51,7 +51,11 @@ class CanSettings(Protocol):
 
 
 def open_bus(
-    interface: str = "virtual", channel: str = "faultloop", bitrate: int = 500_000, fd: bool = False
+    interface: str = "virtual",
+    channel: str = "faultloop",
+    bitrate: int = 500_000,
+    fd: bool = False,
+    scenario: Any = None,
 ) -> BusABC:
     """A python-can bus.
 
@@ -62,12 +66,13 @@ def open_bus(
     channel : its channel, as in ``vcan0``.
     bitrate : nominal bit rate [bit/s]; SocketCAN takes it from ``ip link``, not from here.
     fd : also CAN FD frames.
+    scenario : of the run, for a transport that has use for it.
 
     Raises
     ------
     InputError : no such interface or channel, or it is down, or it does not carry CAN FD.
     """
-    if (brought := transport_named(interface)) is not None:
+    if (brought := transport_named(interface, scenario)) is not None:
         from faultloop.io.can.linked_bus import LinkedBus
 
         return LinkedBus(channel, brought(channel, None), fd)
@@ -87,7 +92,9 @@ def open_bus(
     return _opened(lambda: can.Bus(channel, interface=interface, bitrate=bitrate, fd=fd), channel)
 
 
-def open_transport(settings: CanSettings, channel: str | None = None, *, start_ns: int = 0) -> Transport:
+def open_transport(
+    settings: CanSettings, channel: str | None = None, *, start_ns: int = 0, scenario: Any = None
+) -> Transport:
     """The bus of a run, from its settings; to be used in a `with`.
 
     Parameters
@@ -95,6 +102,7 @@ def open_transport(settings: CanSettings, channel: str | None = None, *, start_n
     settings : interface, channel, bit rates, CAN FD.
     channel : ``"INTERFACE:CHANNEL"`` in place of the settings' interface and channel.
     start_ns : what the run's time zero is on the clock of the time stamps [ns since 1970].
+    scenario : of the run, for a transport that has use for it.
     """
     interface, name = settings.interface, settings.channel
     if channel is not None:
@@ -103,10 +111,13 @@ def open_transport(settings: CanSettings, channel: str | None = None, *, start_n
             raise InputError(f"'{channel}' is not INTERFACE:CHANNEL, as in socketcan:vcan0", key="--can")
     if interface == "socketcan":
         check_bit_rates(name, settings.bitrate, settings.data_bitrate if settings.fd else None)
-    bus = open_bus(interface, name, settings.bitrate, settings.fd)
-    return Transport(
+    bus = open_bus(interface, name, settings.bitrate, settings.fd, scenario)
+    transport = Transport(
         SimulatedBus(settings.bitrate, settings.data_bitrate), bus, settings.fd, start_ns=start_ns
     )
+    if isinstance(bus, TimedLink):
+        bus.attend(transport)
+    return transport
 
 
 class Transport:
@@ -144,6 +155,10 @@ class Transport:
     def next_event_ns(self) -> int | None:
         """When the next frame is received, from what is submitted now; None if none is under way."""
         return self.model.next_event_ns()
+
+    def at(self, monotonic_ns: int) -> int:
+        """Run time [ns]: as far as the bus was advanced, whenever that is asked."""
+        return self.model.now_ns
 
     def pending(self) -> list[Frame]:
         """The frames that are waiting or on the wire."""
