@@ -17,7 +17,7 @@ from faultloop.config.bus_fault import BusFault
 from faultloop.errors import InputError
 from faultloop.io.can.faults import SenderFaults
 from faultloop.io.can.frames import Frame, Heartbeat, Measurements, Page, Rejection, State, decode, ticks
-from faultloop.io.can.table import PLANT_NODE, Kind
+from faultloop.io.can.table import PLANT_NODE, STATE_KINDS, Kind
 from faultloop.io.iec61850.gateway import Gateway
 from faultloop.io.iec61850.streams import BLOCKS, Station, ied_names
 from faultloop.nodes.breaker import BreakerNode
@@ -49,7 +49,7 @@ def altered(data: bytes, **fields: Any) -> bytes:
     )
 
 
-@pytest.mark.parametrize("kind", [Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.BREAKER_STATUS])
+@pytest.mark.parametrize("kind", STATE_KINDS)
 @pytest.mark.parametrize("test", [False, True])
 def test_every_mask_of_poles_comes_through(kind: Kind, test: bool) -> None:
     for poles in range(8):

@@ -117,7 +117,7 @@ NODE_TYPES = {
         "LPHD": (("PhyNam", "DPL"), ("PhyHealth", "ENS_Health"), ("Proxy", "SPS"), ("Sim", "SPC")),
         "PTRC": (BEHAVIOUR, ("Tr", "ACT")),
         "RREC": (BEHAVIOUR, ("OpCls", "ACT"), ("AutoRecSt", "ENS_AutoRecSt")),
-        "PSCH": (BEHAVIOUR, ("Op", "ACT"), ("TxPrm", "ACT")),
+        "PSCH": (BEHAVIOUR, ("Op", "ACT"), ("TxPrm", "ACT"), ("TxTr", "ACT")),
         "XCBR": (
             BEHAVIOUR,
             ("Loc", "SPS"),
