@@ -297,10 +297,13 @@ def compile_loop(
     """All that `follow` needs, and itself; nothing where this process has done so, or the cache has it.
 
     ``backwards`` begins where others end (`faultloop.loop.beside`)."""
+    follow_kernel: Any = follow
+    if follow_kernel.overloads:  # to find out the types of the arguments takes 8 ms
+        return
     kernels = _signatures(course, x, plant, bank)
     called: Any = types.NamedTuple([types.FunctionType(sig) for _, sig in kernels], Kernels)
     loop = tuple(_typeof(part) for part in (course, x, plant, bank))
-    wanted = [*((kernel, sig.args) for kernel, sig in kernels), (follow, (*loop, called))]
+    wanted = [*((kernel, sig.args) for kernel, sig in kernels), (follow_kernel, (*loop, called))]
     for kernel, arguments in reversed(wanted) if backwards else wanted:
         kernel.compile(arguments)
 

@@ -16,7 +16,7 @@ def test_it_compiles_what_every_loop_needs(monkeypatch: pytest.MonkeyPatch) -> N
 
     class Kernel:
         def __init__(self, name: str) -> None:
-            self.name = name
+            self.name, self.overloads = name, ()
 
         def compile(self, types: tuple[Any, ...]) -> None:
             compiled.append((self.name, types))
