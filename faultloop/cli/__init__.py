@@ -31,6 +31,7 @@ from faultloop.cli import (
     run,
     schema,
     suite,
+    why,
 )
 from faultloop.cli.terminal import prepare_streams, warn
 from faultloop.errors import InputError
@@ -47,7 +48,7 @@ app = typer.Typer(
 )
 
 COMMANDS = (
-    new, check, run, node, monitor, replay, channels, review, export, diff, recover, suite, schema,
+    new, check, run, node, monitor, replay, channels, review, why, export, diff, recover, suite, schema,
     campaign, campaign_report, campaign_case, import_, export_settings, locate,
 )  # fmt: skip
 for command in COMMANDS:

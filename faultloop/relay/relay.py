@@ -100,6 +100,16 @@ class Relay:
         return Outputs(*self._outputs[:4].tolist())
 
     @property
+    def instances(self) -> tuple[layout.Instance, ...]:
+        """Its functions in the order of their bits."""
+        return self._instances
+
+    @property
+    def records(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        """Its constants and its state, each of shape (1,), as the chain has them."""
+        return self._constants, self._state
+
+    @property
     def fault_location(self) -> float:
         """Distance of the last fault that started a zone, per unit of the line; NaN where there is none."""
         return float(self._state["rflo"]["value"][0, 0])

@@ -16,6 +16,7 @@ import pytest
 from faultloop import open_log
 from faultloop.cli import call
 from faultloop.loop.runner import run
+from faultloop.review.retrace import retrace
 from tests.golden.record import differences, golden
 from tests.review.review_logs import check_tables
 
@@ -47,6 +48,8 @@ def test_runs_as_it_did(
     capsys.readouterr()
     assert call(["review", str(log)]) == 0
     check_tables(capsys.readouterr().out, log)
+    opened = open_log(log)  # and each relay, run over its log once more, decides the same, bit by bit
+    assert {name: retrace(opened, name).differs for name in opened.relays} == dict.fromkeys(opened.relays)
 
 
 def test_no_golden_log_without_its_scenario() -> None:

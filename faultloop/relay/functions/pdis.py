@@ -234,16 +234,21 @@ def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex
 
 
 @njit
-def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
-    """m of a quadrilateral zone, or the part of its resistive reach, whichever is nearer to its border."""
+def quad_measures(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> tuple[float, float]:
+    """m along the reactance line, and the fault resistance R [ohm], positive ahead of the zone."""
     drop = at_frequency(g, q.memory, c.reach) * i
     polarizing, fault = fault_currents(g, q, loop, i)
     polarizing = polarizing * c.tilt.conjugate()
     m = (v * polarizing.conjugate()).imag / (drop * polarizing.conjugate()).imag
     axis = drop.conjugate()
     r = (v * axis).imag / (fault * axis).imag
-    if c.direction < 0:
-        r = -r
+    return m, -r if c.direction < 0 else r
+
+
+@njit
+def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
+    """m of a quadrilateral zone, or the part of its resistive reach, whichever is nearer to its border."""
+    m, r = quad_measures(g, q, c, loop, v, i)
     beside = abs(r) / (c.resistive_ground if loop < 3 else c.resistive_phase)
     if not beside < OUTSIDE:
         return OUTSIDE

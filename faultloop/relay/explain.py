@@ -1,0 +1,225 @@
+"""What a relay knew at a sample, for a person who asks why: each zone's depth by every loop, released or not,
+and everything that can keep it from starting.
+
+Nothing of it is computed while a relay runs.  The decision is a function of the samples, the phasors, the
+loops and the position of the breaker, all of which a log has; so the relay's own chain is run over them once
+more, and its bits must come out as they were logged.  `Retrace` does it and keeps, of the samples at which
+there is something to explain, what the kernels below measure by the functions that the zones use themselves.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.jit import njit
+from faultloop.relay.chain import decide
+from faultloop.relay.functions.lphd import cause
+from faultloop.relay.functions.pdis import (
+    BY_PHASORS,
+    OFFSET,
+    PDIS,
+    QUAD,
+    delay,
+    doubt,
+    loop_current,
+    loop_voltage,
+    mho_depth,
+    quad_depth,
+    quad_measures,
+    zone_depth,
+)
+from faultloop.relay.memory import at_frequency, size2
+from faultloop.relay.quantities import Record
+from faultloop.relay.relay import Relay
+from faultloop.relay.voltages import loops_of
+
+SHARED = np.dtype(
+    [
+        ("number", "i8"),  # of the sample
+        ("ready", "i8"),
+        ("cause", "i8"),  # LPHD: why not, or which loops cannot measure
+        ("disturbed", "i8"),
+        ("fed", "i8"),
+        ("age", "i8"),  # samples of the disturbance
+        ("fault", "i8"),
+        ("released", "i8"),
+        ("behind", "i8"),
+        ("direction", "i8"),
+        ("fuse_failure", "i8"),
+        ("swing", "i8"),  # RPSB: a swing is found
+        ("blocked_loops", "i8"),
+        ("blocked_zones", "i8"),
+        ("unmeasured", "i8"),  # mask of loops with a dead pole, a missing current or no proven voltage
+        ("polarizing", "c16"),
+        ("frequency", "f8"),  # of the reference
+        ("reference", "c16", (6,)),  # the phasors from before the disturbance
+    ],
+    align=True,
+)
+ZONE = np.dtype(
+    [
+        ("m", "f8", (6,)),  # depth by each loop, whatever is released; NaN where it cannot be told
+        ("x", "f8", (6,)),  # the part of it along the reactance line ...
+        ("r", "f8", (6,)),  # ... and the fault resistance [ohm]
+        ("current", "f8", (6,)),  # of the loop, over what it needs
+        ("residual", "f8"),  # 3I0 over what a ground loop needs
+        ("counter", "f8"),
+        ("inside", "i8"),
+        ("pickup", "i8"),
+        ("operate", "i8"),
+        ("timer", "i8"),
+        ("delay", "i8"),
+        ("waits", "i8"),  # inside for long enough, and now to be confirmed in time
+        ("confirmed", "f8"),  # the depth with its doubt that must then be below 1; infinite: it waits
+    ],
+    align=True,
+)
+
+
+@njit
+def shared_row(g: Record, q: Record, swinging: int, out: Record) -> None:
+    """``SHARED`` of the sample just decided."""
+    out.ready, out.cause, out.disturbed, out.fed = q.ready, cause(g, q), q.disturbed, q.fed
+    out.age, out.fault, out.released, out.behind = q.memory.age, q.fault, q.released, q.behind
+    out.direction, out.fuse_failure, out.swing = q.direction, q.fuse_failure, swinging
+    out.blocked_loops, out.blocked_zones = q.blocked_loops, q.blocked_zones
+    out.unmeasured = loops_of(q.dead | q.missing | (7 & ~q.proven))
+    out.polarizing = q.polarizing if q.disturbed and not q.fuse_failure else q.sequence[1]
+    out.frequency = q.memory.frequency
+    for k in range(6):
+        out.reference[k] = q.memory.reference[k]
+
+
+@njit
+def measures(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, float]:
+    """m, its part along the reactance line, and R of a loop, without the least currents."""
+    v, i = loop_voltage(q.x, loop), loop_current(q.x, loop, c.k0)
+    if not size2(i) > 0.0:
+        return np.nan, np.nan, np.nan
+    x, r = quad_measures(g, q, c, loop, v, i)
+    if c.characteristic <= OFFSET:
+        return mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i), x, r
+    return quad_depth(g, q, c, loop, v, i), x, r
+
+
+@njit
+def measures_at_rest(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, float]:
+    """The same where there is nothing from before: polarized by the loop's own voltage and current."""
+    v, i = loop_voltage(q.x, loop), loop_current(q.x, loop, c.k0)
+    if not size2(i) > 0.0:
+        return np.nan, np.nan, np.nan
+    z, reach = v * i.conjugate() / size2(i), at_frequency(g, q.memory, c.reach)
+    x, r = z.imag / reach.imag, (z * reach.conjugate()).imag / reach.imag
+    if c.characteristic == OFFSET:
+        return np.sqrt(size2(z) / size2(reach)), x, r
+    if c.characteristic == QUAD:
+        beside = abs(r) / (c.resistive_ground if loop < 3 else c.resistive_phase)
+        return max(abs(x) if c.direction == 0 else x, beside), x, r
+    along = z.real * reach.real + z.imag * reach.imag
+    return (size2(z) / along if along > 0.0 else np.inf), x, r
+
+
+@njit
+def zone_row(g: Record, q: Record, c: Record, w: Record, out: Record) -> None:
+    """``ZONE`` of the sample just decided."""
+    for loop in range(6):
+        m, x, r = measures(g, q, c, loop) if q.disturbed else measures_at_rest(g, q, c, loop)
+        out.m[loop], out.x[loop], out.r[loop] = m, x, r
+        out.current[loop] = np.sqrt(size2(loop_current(q.x, loop, c.k0))) / c.minimum_current
+    out.residual = 3 * np.sqrt(size2(q.sequence[3])) / c.minimum_residual
+    out.counter, out.inside, out.pickup = w.counter, w.inside, w.pickup
+    out.operate, out.timer, out.delay = w.operate, w.timer, delay(c, w.fault)
+    out.waits, out.confirmed = 0, np.nan
+    if not q.disturbed or w.pickup or w.inside == 0 or w.counter < c.security:
+        return
+    out.waits = 1
+    mask = q.released & c.loops & ~q.blocked_loops
+    left = doubt(g, q, w)
+    out.confirmed = np.inf if left == np.inf or left == BY_PHASORS else zone_depth(g, q, c, mask, left)
+
+
+@njit
+def explain(constants: NDArray, state: NDArray, shared: NDArray, zones: NDArray) -> bool:
+    """Fill shared[0] and zones[0] (Z,) from the state after a sample; False where nothing is to tell."""
+    c, s = constants[0], state[0]
+    g, q = c.shared, s.shared
+    swinging = s.rpsb[0].state == 1 if c.count.rpsb else 0
+    if q.ready and not (q.disturbed or q.blocked_zones or q.pickup or q.operate):
+        return False
+    shared_row(g, q, 1 if swinging else 0, shared[0])
+    for k in range(c.count.pdis):
+        zone_row(g, q, c.pdis[k], s.pdis[k], zones[0, k])
+    return True
+
+
+class Retrace:
+    """A relay that is run once more, over what a log has.
+
+    Parameters
+    ----------
+    relay : as it is when it is switched on; it may then be warmed up.
+
+    Attributes
+    ----------
+    shared : (n,) ``SHARED`` of the samples at which there is something to explain.
+    zones : (n, Z) ``ZONE``, one column for each distance zone in the order of the settings.
+    words : (m, 2) uint64, pickup and operate bits of all samples.
+    """
+
+    def __init__(self, relay: Relay) -> None:
+        self.relay = relay
+        self._cold = relay.save()
+        self._constants, self._state = relay.records
+        self._zones = max(int(self._constants["count"][PDIS.key][0]), 1)
+        self._shared: list[NDArray[np.void]] = []
+        self._rows: list[NDArray[np.void]] = []
+        self._words: list[NDArray[np.uint64]] = []
+
+    def restart(self) -> None:
+        """Cold, as after a gap."""
+        self.relay.restore(self._cold)
+
+    def run(
+        self,
+        first: int,
+        samples: NDArray[np.float64],
+        phasors: NDArray[np.float64],
+        loops: NDArray[np.float64],
+        closed: NDArray[np.int64],
+    ) -> None:
+        """Samples (n, 6) from number ``first`` on, phasors (n, 14), loops (n, 12), closed poles (n,)."""
+        n = len(samples)
+        words = np.zeros((n, 2), np.uint64)
+        shared, zones = np.zeros(n, SHARED), np.zeros((n, self._zones), ZONE)
+        kept = 0
+        for k in range(n):
+            one = slice(k, k + 1)
+            self.relay.set_inputs(int(closed[k]), 0)
+            decide(self._constants, self._state, samples[one], phasors[one], loops[one], words[one])
+            row = slice(kept, kept + 1)
+            if explain(self._constants, self._state, shared[row], zones[row]):
+                shared["number"][kept] = first + k
+                kept += 1
+        self._words.append(words)
+        self._shared.append(shared[:kept].copy())
+        self._rows.append(zones[:kept].copy())
+
+    @property
+    def shared(self) -> NDArray[np.void]:
+        return np.concatenate(self._shared) if self._shared else np.zeros(0, SHARED)
+
+    @property
+    def zones(self) -> NDArray[np.void]:
+        return np.concatenate(self._rows) if self._rows else np.zeros((0, self._zones), ZONE)
+
+    @property
+    def words(self) -> NDArray[np.uint64]:
+        return np.concatenate(self._words) if self._words else np.zeros((0, 2), np.uint64)
+
+    @property
+    def constants(self) -> Any:
+        """Record of type `faultloop.relay.layout.CONSTANTS`: the settings in primary values and samples."""
+        return self._constants[0]

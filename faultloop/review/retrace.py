@@ -1,0 +1,206 @@
+"""A relay of a log, run once more over what the log has of it, to see what it knew at each sample.
+
+The estimates are the log's own, the settings those that it was run with, the state before the first sample
+is that of the scenario's steady state, as in the run.  That the decision is the same is not taken for
+granted: every bit of every sample is compared with the logged ones.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.errors import InputError
+from faultloop.io.can.authentication import read
+from faultloop.io.can.frames import Frame, State
+from faultloop.io.can.table import BY_IDENTIFIER, Kind
+from faultloop.io.mcap_reader import Log
+from faultloop.io.messages import ELEMENTS, LOOP_IMPEDANCES, PHASORS, POLES, SAMPLED_VALUES, values
+from faultloop.loop.recorded import recorded_scenario
+from faultloop.loop.scenario import Scenario
+from faultloop.loop.warm import history
+from faultloop.relay import Relay, RelaySettings
+from faultloop.relay.explain import Retrace
+from faultloop.relay.layout import Instance
+
+NEEDED = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
+CLOSED = 7
+RECORD = "record"
+NO_PART = ("bus_fault", "can", "expect")
+"""Of a scenario: in the state of the network before the run."""
+_DONE: WeakKeyDictionary[Log, dict[str, Retraced]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False)
+class Retraced:
+    """What a relay knew.
+
+    Attributes
+    ----------
+    name, settings, instances : of the relay.
+    constants : its settings as the kernels have them (`faultloop.relay.layout.CONSTANTS`).
+    t_ns : (n,) of the samples with something to explain [ns since the run's start].
+    shared, zones : (n,) and (n, Z), `faultloop.relay.explain.SHARED` and ``ZONE``.
+    differs_ns, differs : first sample, and bit, at which this relay decides otherwise than the log says; None
+        where it never does.
+    """
+
+    name: str
+    settings: RelaySettings
+    instances: tuple[Instance, ...]
+    constants: Any
+    t_ns: NDArray[np.int64]
+    shared: NDArray[np.void]
+    zones: NDArray[np.void]
+    differs_ns: int | None
+    differs: str | None
+
+
+def retrace(log: Log, name: str) -> Retraced:
+    """Run the relay ``name`` of a log once more; kept for the log.
+
+    Raises InputError where the log does not have what it takes: settings, samples, phasors, loops, elements.
+    """
+    kept = _DONE.setdefault(log, {})
+    if name not in kept:
+        kept[name] = _retrace(log, name)
+    return kept[name]
+
+
+def _retrace(log: Log, name: str) -> Retraced:
+    for message in NEEDED:
+        topic = message.topic_for(name)
+        if topic not in log.topics:
+            raise InputError(
+                f"has no {topic}: what the relay knew cannot be told; {_again(log)}", file=log.path
+            )
+    relay, scenario = _relay(log, name), _scenario(log)
+    run = Retrace(relay)
+    if scenario is not None:
+        place = [one.name for one in scenario.relay].index(name)
+        relay.warm_up(np.ascontiguousarray(history(scenario)[:, place]))
+    samples, phasors, loops, elements = (log.array(m.topic_for(name)) for m in NEEDED)
+    t_ns = samples["t_ns"]
+    if not (len(t_ns) == len(phasors) == len(loops) == len(elements)) or not len(t_ns):
+        raise InputError(f"samples, phasors, loops and elements of {name} are not as many", file=log.path)
+    numbers = samples["sample_count"].astype(np.int64)
+    closed = _closed(log, name, t_ns)
+    pieces = np.split(np.arange(len(t_ns)), np.flatnonzero(np.diff(numbers) != 1) + 1)
+    for count, piece in enumerate(pieces):
+        part = slice(int(piece[0]), int(piece[-1]) + 1)
+        if count:
+            run.restart()
+        turned = np.ascontiguousarray(values(phasors[part]))
+        if scenario is None:
+            turned[:, :12].view(np.complex128)[...] *= _turn(relay, int(numbers[part.start]))
+        run.run(
+            int(numbers[part.start]),
+            np.ascontiguousarray(values(samples[part])),
+            turned,
+            np.ascontiguousarray(values(loops[part])),
+            closed[part],
+        )
+    logged = np.stack([elements["pickup"], elements["operate"]], axis=1)
+    shared, zones = run.shared, run.zones
+    place = np.searchsorted(numbers, shared["number"])
+    differs_ns, differs = _first_difference(log, name, relay, t_ns, run.words, logged)
+    if differs_ns is not None:
+        at = f"{differs_ns / 1e6:.3f} ms of the log on ({differs})"
+        what = f"{name}: run once more, this version's relay decides otherwise from {at}: what is told is of "
+        log.warn(f"{what}this version; {_again(log)}")
+    args = (name, relay.settings, relay.instances, run.constants, t_ns[place], shared, zones)
+    return Retraced(*args, differs_ns, differs)
+
+
+def _again(log: Log) -> str:
+    if "scenario.toml" in log.attachments:
+        return "a new run of its scenario logs everything: faultloop run with the attached scenario.toml"
+    return "a new run, or a new replay of the record, logs everything"
+
+
+def _relay(log: Log, name: str) -> Relay:
+    """As it was when it was switched on; without a user's code, which a log of somebody's must not start."""
+    text = log.metadata.get("settings", {}).get(name)
+    try:
+        data = json.loads(text or "")
+        own = {key: value for key, value in data.items() if key != "element"}
+        settings = RelaySettings.from_dict(own)
+        if ":" in settings.estimator.method:
+            own["estimator"] = {}
+            settings = RelaySettings.from_dict(own)
+    except (ValueError, AttributeError, InputError) as error:
+        kind = type(error).__name__
+        what = f"its settings of {name} are missing or not of this version ({kind}); {_again(log)}"
+        raise InputError(what, file=log.path) from error
+    return Relay(settings, name)
+
+
+def _scenario(log: Log) -> Any:
+    text = log.metadata.get("scenario", {}).get("json")
+    if text is None:
+        return None
+    try:
+        tables = json.loads(text)
+        return Scenario.from_dict({key: tables[key] for key in tables if key not in NO_PART})
+    except (ValueError, InputError) as error:
+        what = f"its scenario is not of this version; {_again(log)}"
+        raise InputError(what, file=log.path) from error
+
+
+def _turn(relay: Relay, number: int) -> complex:
+    """Back to the reference of a relay that began at this sample (`faultloop.loop.replay`)."""
+    header = relay.settings.relay
+    beats = number * int(header.frequency_hz) % header.sampling_hz
+    return complex(np.exp(2j * np.pi * beats / header.sampling_hz)) if beats else 1.0
+
+
+def _closed(log: Log, name: str, t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Closed poles as the relay knew them: by its breaker's frames, or the record's contacts."""
+    out = np.full(len(t_ns), CLOSED, np.int64)
+    for at, poles in _positions(log, name):
+        out[np.searchsorted(t_ns, at) :] = poles
+    return out
+
+
+def _positions(log: Log, name: str) -> list[tuple[int, int]]:
+    scenario = recorded_scenario(log)
+    breaker = next((place.get("breaker") for place in scenario["relay"] if place["name"] == name), None)
+    if breaker is None:
+        states = [entry for entry in log.breaker_states if entry.source == RECORD]
+        return [
+            (e.t_ns, sum(e.fields[f"pole_{p.lower()}"] << bit for bit, p in enumerate(POLES))) for e in states
+        ]
+    found = []
+    for entry in log.can:
+        kind, _ = BY_IDENTIFIER.get(entry.id, (None, 0))
+        if kind is not Kind.BREAKER_STATUS or entry.sender != breaker:
+            continue
+        state = read(Frame(entry.id, entry.data, entry.extended, entry.fd))
+        if isinstance(state, State):
+            found.append((entry.t_ns, state.poles))
+    return found
+
+
+def _first_difference(
+    log: Log,
+    name: str,
+    relay: Relay,
+    t_ns: NDArray[np.int64],
+    words: NDArray[np.uint64],
+    logged: NDArray[np.uint64],
+) -> tuple[int | None, str | None]:
+    """Where a bit that both have is not the same; of a user's element, which is not run, none is compared."""
+    bits = log.bits(name)["pickup"]
+    ours = [bit if "." in bit else f"{bit}.Str" for bit in relay.bits]
+    known = sum(1 << k for k, (a, b) in enumerate(zip(ours, bits, strict=False)) if a == b)
+    rows, columns = np.nonzero((words ^ logged) & np.uint64(known))
+    if not len(rows):
+        return None, None
+    row, column = int(rows[0]), int(columns[0])
+    place = int(words[row, column] ^ logged[row, column]) & known
+    return int(t_ns[row]), relay.bits[(place & -place).bit_length() - 1]

@@ -1,0 +1,255 @@
+"""Why a relay tripped, and why each function that did not operate did not.
+
+Of a trip: the depth with which the zone saw the fault, by which voltage it was polarized, when it started
+and how long its timer ran.  Of a zone that did not operate: the condition that stopped it, sample by sample
+in the order in which the relay asks (ready? a current that changed? enough of it? the type, the direction,
+a blocking, the depth, how long it stays, the confirmation in time, the timer), and of these the one that
+held for longest in the second half of the fault's time.  A blocking counts as the cause only where the
+fault would have been inside without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.errors import InputError, nearest
+from faultloop.io.mcap_reader import Log
+from faultloop.relay.functions.lphd import CAUSES as NOT_READY
+from faultloop.relay.functions.pdis import CROSS, MEMORY_POLARIZED, OFFSET, QUAD, SELF
+from faultloop.relay.functions.phs import LOOP_MASK
+from faultloop.relay.layout import Instance
+from faultloop.relay.quantities import FAULTS, LOOPS
+from faultloop.review import why_stages
+from faultloop.review.facts import Summary, TripFacts
+from faultloop.review.retrace import Retraced, retrace
+from faultloop.review.survey import survey
+from faultloop.review.why_zone import Zone, judge_zone
+
+STARTING = ("PDIS", "PSOF", "PIOC", "PTOC", "PTUV", "PTOV", "PTUF", "PTOF", "PFRC")
+"""The functions that a person expects to operate, and asks of."""
+POLARIZED = {
+    SELF: "its own voltage",
+    CROSS: "the other phases' voltage",
+    MEMORY_POLARIZED: "V1 from before the fault",
+    OFFSET: "nothing (a circle about the origin)",
+    QUAD: "the fault's current",
+}
+
+
+@dataclass(frozen=True)
+class Reason:
+    """Why a function operated, or did not.
+
+    Attributes
+    ----------
+    t_ns : of a function that operated, when it did; else of the last sample judged [ns since the start].
+    m : depth of the fault as a part of the zone's reach (of a stage: its quantity over the pickup); None
+        where there is none.
+    timer_ms : how long it had been started.
+    cause : one of ``CAUSES``.
+    """
+
+    relay: str
+    function: str
+    loop: str
+    t_ns: int
+    operated: bool
+    m: float | None
+    timer_ms: float | None
+    cause: str
+    text: str
+
+
+CAUSES = (
+    *("operated", "reach", "resistance", "direction", "phase-selection", "timer", "minimum-current"),
+    *("not-settled", "power-swing", "fuse-failure", "blocked", "pickup", "quiet"),
+)
+
+
+def why(log: Log, summary: Summary, relay: str | None = None, function: str | None = None) -> list[Reason]:
+    """Reasons of all functions of all relays, or of those asked for, trips first.
+
+    Raises InputError for a name that is not there, and where the log has too little to tell.
+    """
+    names = list(summary.relays)
+    if relay is not None and relay not in names:
+        raise InputError(f"there is no relay '{relay}'; {nearest(relay, names)}", key="--relay")
+    found: list[Reason] = []
+    for name in names if relay is None else [relay]:
+        found += _of_relay(log, summary, name, function)
+    return found
+
+
+def _of_relay(log: Log, summary: Summary, name: str, wanted: str | None) -> list[Reason]:
+    known = retrace(log, name)
+    those = [one for one in known.instances if one.function.name in STARTING]
+    if wanted is not None:
+        names = [one.name for one in those]
+        if wanted not in names:
+            what = f"relay '{name}' has no function '{wanted}' that starts; {nearest(wanted, names)}"
+            raise InputError(what, key="--function")
+        those = [one for one in those if one.name == wanted]
+    tripped = {trip.function: trip for trip in reversed(summary.relays[name].trips)}
+    first = sorted(tripped, key=lambda function: tripped[function].decided_ns)
+    reasons = {one.name: _reason(log, summary, known, one, name, tripped.get(one.name)) for one in those}
+    order = [f for f in first if f in reasons] + [f for f in reasons if f not in first]
+    return [reason for f in order if (reason := reasons[f]) is not None]
+
+
+def _reason(
+    log: Log, summary: Summary, known: Retraced, one: Instance, name: str, trip: TripFacts | None
+) -> Reason | None:
+    spans = survey(log, name).spans
+    zero = summary.inception.zero_ns
+    operated = [span for span in spans.get(f"{one.name}.Op", []) if span[1] is None or span[1] > zero]
+    started = [span for span in spans.get(f"{one.name}.Str", []) if span[1] is None or span[1] > zero]
+    rows = window(summary, known, name)
+    facts = why_stages.Facts(log, one, known, zero, rows, _span(summary, name), started)
+    if operated:
+        return _operated(name, facts, operated[0][0], trip)
+    if one.function.name != "PDIS":
+        verdict = why_stages.judge(facts)
+        if verdict is None:
+            return None
+        loop = ""
+    else:
+        zone = Zone(facts, truth(summary))
+        verdict, loop = judge_zone(zone), zone.called
+    end = int(known.t_ns[facts.rows[-1]]) if len(facts.rows) else zero
+    text = f"{one.name}: {verdict.text}"
+    return Reason(name, one.name, loop, end, False, verdict.m, facts.timer_ms(end), verdict.cause, text)
+
+
+def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | None) -> Reason:
+    one, known, zero = facts.one, facts.known, facts.zero
+    start = next((on for on, off in reversed(facts.started) if on <= at_ns), at_ns)
+    row = int(np.searchsorted(known.t_ns, at_ns))
+    m, loop, how = None, "" if trip is None else trip.loop, ""
+    if one.function.name == "PDIS" and row < len(known.t_ns):
+        place = known.constants["pdis"][one.number]
+        fault = int(known.shared["fault"][row])
+        loop = loop or FAULTS[fault]
+        of = [k for k in range(6) if LOOP_MASK[fault] >> k & 1 and int(place["loops"]) >> k & 1]
+        m = why_stages.middle(known.zones["m"][row, one.number, of]) if of else None
+        polarized = POLARIZED[int(place["characteristic"])]
+        how = "" if m is None else f" {hyphened(loop)} {m:.2f} of reach, polarized by {polarized};"
+    elif (measured := why_stages.measured(facts)) is not None:
+        m, how = measured
+        how = f" {how};"
+    text = f"{one.name}:{how} started {ms(start, zero)}"
+    waited = (at_ns - start) / 1e6
+    text += f", operated {ms(at_ns, zero)}" + (f" after {waited:.1f} ms" if waited > 0 else ", at once")
+    if trip is None:
+        text += "; the trip was another's" if facts.trips else "; its operate trips nothing"
+    else:
+        text += f"; tripped poles {trip.poles}"
+    return Reason(name, one.name, loop, at_ns, True, m, waited, "operated", text)
+
+
+def window(summary: Summary, known: Retraced, name: str) -> NDArray[np.int64]:
+    """Rows of what is to be explained: from the inception to the own first pole's opening (where that cleared
+    the fault), else as long as there is something; without a fault all of them."""
+    zero = summary.inception.t_ns
+    if zero is None:
+        return np.arange(len(known.t_ns))
+    end = summary.relays[name].cleared_ns
+    inside = (known.t_ns >= zero) & (known.t_ns < (np.iinfo(np.int64).max if end is None else end))
+    rows = np.flatnonzero(inside)
+    later = np.flatnonzero(known.t_ns >= zero)
+    return rows if len(rows) else later
+
+
+def _span(summary: Summary, name: str) -> tuple[int, int]:
+    """The same as times [ns]."""
+    own = summary.relays[name]
+    first, last = own.first_ns or 0, (own.last_ns or 0) + 1
+    start = first if summary.inception.t_ns is None else summary.inception.t_ns
+    return start, min(last, own.cleared_ns or last)
+
+
+def truth(summary: Summary) -> str | None:
+    """The type of the first fault, as the plant applied it."""
+    return summary.faults[0].type if summary.faults else None
+
+
+def hyphened(loop: str) -> str:
+    """A loop as a person writes it: ``A-G``."""
+    return "-".join(loop) if loop in LOOPS else loop
+
+
+def ms(t_ns: int, zero: int) -> str:
+    return f"{(t_ns - zero) / 1e6:.1f} ms"
+
+
+def at_instant(
+    log: Log, summary: Summary, name: str, at_ms: float, function: str | None = None
+) -> dict[str, Any]:
+    """What a relay knew at an instant [ms from the inception]: its state, and each zone's depths.
+
+    Raises InputError where there is nothing to explain at that instant.
+    """
+    if name not in summary.relays:
+        raise InputError(f"there is no relay '{name}'; {nearest(name, list(summary.relays))}", key="--relay")
+    known, t_ns = retrace(log, name), summary.inception.zero_ns + round(at_ms * 1e6)
+    row = int(np.searchsorted(known.t_ns, t_ns, side="right")) - 1
+    step_ns = 1e9 / known.settings.relay.sampling_hz
+    zones = [one for one in known.instances if one.function.name == "PDIS"]
+    if function is not None and function not in (names := [one.name for one in zones]):
+        raise InputError(f"'{name}' has no zone '{function}'; {nearest(function, names)}", key="--function")
+    found: dict[str, Any] = {"relay": name, "t_ns": t_ns, "text": "at rest: nothing changed, nothing blocked"}
+    if row < 0 or t_ns - known.t_ns[row] > 1.5 * step_ns:
+        return found | {"zones": []}
+    q = known.shared[row]
+    found |= {
+        "t_ns": int(known.t_ns[row]),
+        "ready": bool(q["ready"]),
+        "type": FAULTS[int(q["fault"])],
+        "released": [loop for k, loop in enumerate(LOOPS) if int(q["released"]) >> k & 1],
+        "direction": {1: "forward", -1: "reverse"}.get(int(q["direction"]), "unknown"),
+        "power_swing": bool(q["swing"]),
+        "fuse_failure": bool(q["fuse_failure"]),
+        "polarizing_v": abs(complex(q["polarizing"])),
+        "disturbed_ms": float(q["age"]) * step_ns / 1e6 if q["disturbed"] else None,
+    }
+    cause = int(q["cause"])
+    told = [] if q["ready"] else [f"not ready: {NOT_READY[cause] if cause < len(NOT_READY) else ''}"]
+    told += [] if found["disturbed_ms"] is None else [f"disturbed for {found['disturbed_ms']:.1f} ms"]
+    told += [f"type {found['type'] or 'unknown'}", f"direction {found['direction']}"]
+    told += ["power swing"] * found["power_swing"] + ["fuse failure"] * found["fuse_failure"]
+    told += [f"polarizing V1 {found['polarizing_v'] / 1e3:.1f} kV"]
+    these = [one for one in zones if function in (None, one.name)]
+    return found | {"text": ", ".join(told), "zones": [_zone_at(known, one, row, step_ns) for one in these]}
+
+
+def _zone_at(known: Retraced, one: Instance, row: int, step_ns: float) -> dict[str, Any]:
+    z, c = known.zones[row, one.number], known.constants["pdis"][one.number]
+    own = [k for k in range(6) if int(c["loops"]) >> k & 1]
+    blocked = bool(int(known.shared["blocked_zones"][row]) >> one.number & 1)
+    timer, delay, inside = (float(z[key]) * step_ns / 1e6 for key in ("timer", "delay", "inside"))
+    if z["operate"]:
+        text = "operates"
+    elif z["pickup"]:
+        text = f"started, timer {timer:.1f} of {delay:.0f} ms"
+    elif blocked:
+        text = "blocked"
+    elif z["waits"]:
+        text = f"inside for {inside:.1f} ms, to be confirmed in time ({float(z['confirmed']):.2f}, below 1)"
+    else:
+        text = f"inside for {inside:.1f} ms" if inside else "not inside"
+    return {
+        "function": one.name,
+        "m": {LOOPS[k]: float(z["m"][k]) for k in own if np.isfinite(z["m"][k])},
+        "polarized_by": POLARIZED[int(c["characteristic"])],
+        "blocked": blocked,
+        "inside_ms": inside,
+        "waits_for_confirmation": bool(z["waits"]),
+        "started": bool(z["pickup"]),
+        "timer_ms": timer,
+        "delay_ms": delay,
+        "operated": bool(z["operate"]),
+        "text": text,
+    }

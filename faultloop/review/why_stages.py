@@ -1,0 +1,149 @@
+"""What kept a stage of current, voltage or frequency from operating: its quantity in the fault's time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.io.mcap_reader import Log
+from faultloop.relay.functions import overcurrent, ptuv
+from faultloop.relay.layout import Instance
+from faultloop.review.retrace import Retraced
+from faultloop.review.rows import Span, relay_rows
+
+CURRENTS, VOLTAGES, FREQUENCIES = ("PIOC", "PTOC"), ("PTUV", "PTOV"), ("PTUF", "PTOF")
+OF_CURRENT = {overcurrent.PHASE: "phases", overcurrent.RESIDUAL: "residual", overcurrent.NEGATIVE: "negative"}
+OF_VOLTAGE = {
+    ptuv.PHASE: "phases",
+    ptuv.PHASE_PHASE: "pairs",
+    ptuv.POSITIVE_SEQUENCE: "positive",
+    ptuv.RESIDUAL: "residual",
+    ptuv.NEGATIVE_SEQUENCE: "negative",
+}
+_TURN = np.exp(2j * np.pi / 3 * np.arange(3))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A cause, the depth or the part of the pickup, and what a person reads."""
+
+    cause: str
+    m: float | None
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """A function of a relay, and the time to be explained.
+
+    Attributes
+    ----------
+    rows : of ``known``, in the fault's time.
+    span_ns : that time [ns since the run's start].
+    started : when it was started since the inception.
+    trips : whether its operate is to trip.
+    """
+
+    log: Log
+    one: Instance
+    known: Retraced
+    zero: int
+    rows: NDArray[np.int64]
+    span_ns: tuple[int, int]
+    started: Sequence[Span]
+
+    @property
+    def constants(self) -> np.void:
+        return self.known.constants[self.one.function.key][self.one.number]
+
+    @property
+    def trips(self) -> bool:
+        return bool(self.constants["trips"])
+
+    def timer_ms(self, end_ns: int) -> float | None:
+        """For how long it was started at its last start; None where it never was."""
+        if not self.started:
+            return None
+        on, off = self.started[-1]
+        return max(((end_ns if off is None else min(off, end_ns)) - on) / 1e6, 0.0)
+
+    @property
+    def fuse_failure(self) -> bool:
+        return bool(len(self.rows)) and bool((self.known.shared["fuse_failure"][self.rows] > 0).mean() > 0.5)
+
+
+def middle(m: NDArray[np.float64]) -> float | None:
+    """Depth by the released loops: of three the middle one; None where it cannot be told."""
+    m = np.sort(np.where(np.isnan(m), np.inf, m))
+    found = float(m[1] if len(m) == 3 else m[0])
+    return found if np.isfinite(found) else None
+
+
+def measured(facts: Facts) -> tuple[float, str] | None:
+    """Its quantity where it came nearest to operating, over the pickup; and as a text."""
+    name, c = facts.one.function.name, facts.constants
+    if name not in (*CURRENTS, *VOLTAGES, *FREQUENCIES):
+        return None
+    rows = relay_rows(facts.log, facts.known.name, *facts.span_ns)
+    if not len(rows):
+        return None
+    if name in FREQUENCIES:
+        f = rows.frequency[np.isfinite(rows.frequency)]
+        if not len(f):
+            return None
+        found = float(f.min() if name == "PTUF" else f.max())
+        return found / float(c["start"]), f"{found:.2f} Hz, set to {float(c['start']):.2f} Hz"
+    if name in CURRENTS:
+        limit, unit = float(c["pickup"]), "A"
+        size = _sizes(rows.phasors[:, 3:], OF_CURRENT[int(c["quantity"])]).max(axis=1)
+        found = float(np.nanmax(size)) / limit
+    else:
+        limit, unit = float(c["start"]), "V"
+        y = _sizes(rows.phasors[:, :3], OF_VOLTAGE[int(c["quantity"])])
+        low = name == "PTUV"
+        size = y.max(axis=1) if bool(c["all"]) == low else y.min(axis=1)
+        found = float(np.nanmin(size) if low else np.nanmax(size)) / limit
+    return found, f"{found:.2f} of its {'start' if unit == 'V' else 'pickup'}, {limit:.4g} {unit}"
+
+
+def _sizes(x: NDArray[np.complex128], what: str) -> NDArray[np.float64]:
+    """(n, k) sizes of what three phasors (n, 3) are taken as."""
+    match what:
+        case "phases":
+            return np.abs(x)
+        case "pairs":
+            return np.abs(x - np.roll(x, -1, axis=1))
+        case "residual":
+            return np.abs(x.sum(axis=1, keepdims=True))
+    turn = _TURN if what == "positive" else _TURN.conj()
+    return np.abs((x @ turn)[:, None] / 3)
+
+
+def judge(facts: Facts) -> Verdict | None:
+    """Why it did not operate; None of a function that says nothing while it has not started."""
+    found = measured(facts)
+    m = None if found is None else found[0]
+    where = "" if found is None else f"{found[1]}: "
+    if facts.started:
+        on, off = facts.started[-1]
+        lasted = "still started at the end" if off is None else f"reset after {(off - on) / 1e6:.1f} ms"
+        return Verdict("timer", m, f"{where}started, {lasted}, before its time had run")
+    if found is None or m is None:
+        return None
+    name, c = facts.one.function.name, facts.constants
+    reached = m < 1 if name in ("PTUV", "PTUF") else m > 1
+    if not reached:
+        return Verdict("pickup", m, f"{where}its pickup was not reached")
+    if name in CURRENTS and c["emergency"] and not facts.fuse_failure:
+        return Verdict("blocked", m, f"{where}an emergency stage, and no fuse has failed")
+    if facts.fuse_failure:
+        return Verdict("fuse-failure", m, f"{where}blocked: TVTR has found a fuse failure")
+    if name in CURRENTS and c["direction"] != 0:
+        set_to = "forward" if c["direction"] > 0 else "reverse"
+        return Verdict("direction", m, f"{where}blocked: the current is not {set_to}")
+    if name == "PTUV":
+        return Verdict("blocked", m, f"{where}no voltage at all is no undervoltage (minimum_v)")
+    return Verdict("not-settled", m, f"{where}not for long enough to start")
