@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from faultloop.config.input_file import check_input
 from faultloop.errors import InputError, nearest
@@ -26,6 +27,20 @@ class Table(BaseModel):
     )
 
 
+def _polar(value: Any) -> Any:
+    """``{ magnitude = 0.73, angle_deg = -4 }`` as ``[re, im]``."""
+    if not isinstance(value, dict):
+        return value
+    keys = ("magnitude", "angle_deg")
+    for key in value:
+        if key not in keys:
+            raise ValueError(f"unknown key '{key}'; {nearest(key, keys)}")
+    if any(isinstance(value.get(k), bool) or not isinstance(value.get(k), (int, float)) for k in keys):
+        raise ValueError("give [re, im] or { magnitude = ..., angle_deg = ... }")
+    found = cmath.rect(value["magnitude"], math.radians(value["angle_deg"]))
+    return (found.real, found.imag)
+
+
 def _pair(value: tuple[float, float]) -> tuple[float, float]:
     if not all(math.isfinite(v) for v in value):
         raise ValueError("both numbers must be finite")
@@ -39,8 +54,10 @@ NonNegative = Annotated[float, Field(ge=0)]
 Milliseconds = Annotated[float, Field(ge=0, le=1e7)]
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
-ComplexOhm = Annotated[tuple[float, float], Field(strict=False), AfterValidator(_pair)]
-"""An impedance as TOML ``[r, x]`` in ohm."""
+ComplexOhm = Annotated[
+    tuple[float, float], Field(strict=False), BeforeValidator(_polar), AfterValidator(_pair)
+]
+"""An impedance [ohm], or a factor, as TOML ``[r, x]`` or ``{ magnitude = ..., angle_deg = ... }``."""
 
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -2,7 +2,7 @@
 and everything that can keep it from starting.
 
 Nothing of it is computed while a relay runs.  The decision is a function of the samples, the phasors, the
-loops and the position of the breaker, all of which a log has; so the relay's own chain is run over them once
+loops and the inputs (breaker, pilot scheme), all of which a log has; so the relay's own chain is run over them once
 more, and its bits must come out as they were logged.  `Retrace` does it and keeps, of the samples at which
 there is something to explain, what the kernels below measure by the functions that the zones use themselves.
 """
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
+from faultloop.relay.bank import bank_of
 from faultloop.relay.chain import decide
 from faultloop.relay.functions.lphd import cause
 from faultloop.relay.functions.pdis import (
@@ -33,7 +34,7 @@ from faultloop.relay.functions.pdis import (
 )
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
-from faultloop.relay.relay import Relay
+from faultloop.relay.relay import Relay, RelayInputs
 from faultloop.relay.voltages import loops_of
 
 SHARED = np.dtype(
@@ -172,7 +173,8 @@ class Retrace:
     def __init__(self, relay: Relay) -> None:
         self.relay = relay
         self._cold = relay.save()
-        self._constants, self._state = relay.records
+        bank = bank_of([relay], 1)  # its records are the relay's from now on
+        self._constants, self._state = bank.constants, bank.state
         self._zones = max(int(self._constants["count"][PDIS.key][0]), 1)
         self._shared: list[NDArray[np.void]] = []
         self._rows: list[NDArray[np.void]] = []
@@ -188,16 +190,17 @@ class Retrace:
         samples: NDArray[np.float64],
         phasors: NDArray[np.float64],
         loops: NDArray[np.float64],
-        closed: NDArray[np.int64],
+        inputs: NDArray[np.int64],
     ) -> None:
-        """Samples (n, 6) from number ``first`` on, phasors (n, 14), loops (n, 12), closed poles (n,)."""
+        """Samples (n, 6) from number ``first`` on, phasors (n, 14), loops (n, 12), and what the relay
+        heard, rows of `RelayInputs` (n, 5)."""
         n = len(samples)
         words = np.zeros((n, 2), np.uint64)
         shared, zones = np.zeros(n, SHARED), np.zeros((n, self._zones), ZONE)
-        kept = 0
+        kept, heard = 0, inputs.tolist()
         for k in range(n):
             one = slice(k, k + 1)
-            self.relay.set_inputs(int(closed[k]), 0)
+            self.relay.set_inputs(RelayInputs(*heard[k]))
             decide(self._constants, self._state, samples[one], phasors[one], loops[one], words[one])
             row = slice(kept, kept + 1)
             if explain(self._constants, self._state, shared[row], zones[row]):

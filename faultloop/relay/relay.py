@@ -54,6 +54,7 @@ class Relay:
     Attributes
     ----------
     inputs : `RelayInputs`, constant during a block.
+    instances : its functions in the order of their bits.
     bits : name of each bit of ``pickup`` and ``operate``: bit i of pickup is ``<bits[i]>.Str``, of operate
         ``<bits[i]>.Op`` (``PTRC1.Tr``); a name with a dot (``RDIR1.DirFwd``, ``PHS1.AG``) is whole.
     phasors (m, 14), loops (m, 12), pickup (m,) uint64, operate (m,) uint64 : of the last `advance`, and
@@ -69,17 +70,17 @@ class Relay:
         self.inputs = RelayInputs()
         self.estimator = estimator or _estimator(settings)
         self._elements = load_elements(settings)
-        self._instances = layout.instances(settings, self._elements)
-        self._constants = layout.constants(settings, self.estimator.settling_samples, self._instances)
+        self.instances = layout.instances(settings, self._elements)
+        self._constants = layout.constants(settings, self.estimator.settling_samples, self.instances)
         self._state = layout.initial_state()
         self._measure_constants, self._measure_state = _measuring(settings, self._constants["shared"][0])
         self._face()
         self._estimator_state = self.estimator.state.copy()
         self._estimate = block_runner(self.estimator.step)
-        self.bits = tuple(name for instance in self._instances for name in instance.bits)
-        self._sources = {i.bit: (i.name, getattr(i.table, "zone", 0)) for i in self._instances}
+        self.bits = tuple(name for instance in self.instances for name in instance.bits)
+        self._sources = {i.bit: (i.name, getattr(i.table, "zone", 0)) for i in self.instances}
         self._telling = {
-            i: layout.record_of(self._state, i).copy() for i in self._instances if i.function.tell
+            i: layout.record_of(self._state, i).copy() for i in self.instances if i.function.tell
         }
         self.events: list[Event] = []
         self._polygons: dict[str, tuple[Polygon, Polygon]] | None = None
@@ -100,16 +101,6 @@ class Relay:
         return Outputs(*self._outputs[:4].tolist())
 
     @property
-    def instances(self) -> tuple[layout.Instance, ...]:
-        """Its functions in the order of their bits."""
-        return self._instances
-
-    @property
-    def records(self) -> tuple[NDArray[np.void], NDArray[np.void]]:
-        """Its constants and its state, each of shape (1,), as the chain has them."""
-        return self._constants, self._state
-
-    @property
     def fault_location(self) -> float:
         """Distance of the last fault that started a zone, per unit of the line; NaN where there is none."""
         return float(self._state["rflo"]["value"][0, 0])
@@ -119,7 +110,7 @@ class Relay:
         if self._polygons is None:
             self._polygons = {
                 instance.name: instance.function.polygons(self.settings, instance.table)
-                for instance in self._instances
+                for instance in self.instances
                 if instance.function.polygons is not None
             }
         return self._polygons
@@ -287,7 +278,7 @@ class Relay:
         different[1:] = np.any(words[1:] != words[:-1], axis=1)
         rows = np.flatnonzero(different)
         for n, now in zip(rows.tolist(), map(tuple, words[rows].tolist()), strict=True):
-            texts = change_texts(self._instances, self.bits, self._last_words, now)
+            texts = change_texts(self.instances, self.bits, self._last_words, now)
             events += [Event(first + n, "info", text) for text in texts]
             self._last_words = now
         return events

@@ -24,12 +24,12 @@ from faultloop.io.messages import ELEMENTS, LOOP_IMPEDANCES, PHASORS, POLES, SAM
 from faultloop.loop.recorded import recorded_scenario
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import history
-from faultloop.relay import Relay, RelaySettings
+from faultloop.relay import Relay, RelayInputs, RelaySettings
 from faultloop.relay.explain import Retrace
 from faultloop.relay.layout import Instance
 
 NEEDED = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
-CLOSED = 7
+ALL_POLES = 7
 RECORD = "record"
 NO_PART = ("bus_fault", "can", "expect")
 """Of a scenario: in the state of the network before the run."""
@@ -89,7 +89,7 @@ def _retrace(log: Log, name: str) -> Retraced:
     if not (len(t_ns) == len(phasors) == len(loops) == len(elements)) or not len(t_ns):
         raise InputError(f"samples, phasors, loops and elements of {name} are not as many", file=log.path)
     numbers = samples["sample_count"].astype(np.int64)
-    closed = _closed(log, name, t_ns)
+    inputs = _inputs(log, name, relay, elements)
     pieces = np.split(np.arange(len(t_ns)), np.flatnonzero(np.diff(numbers) != 1) + 1)
     for count, piece in enumerate(pieces):
         part = slice(int(piece[0]), int(piece[-1]) + 1)
@@ -103,7 +103,7 @@ def _retrace(log: Log, name: str) -> Retraced:
             np.ascontiguousarray(values(samples[part])),
             turned,
             np.ascontiguousarray(values(loops[part])),
-            closed[part],
+            inputs[part],
         )
     logged = np.stack([elements["pickup"], elements["operate"]], axis=1)
     shared, zones = run.shared, run.zones
@@ -159,11 +159,26 @@ def _turn(relay: Relay, number: int) -> complex:
     return complex(np.exp(2j * np.pi * beats / header.sampling_hz)) if beats else 1.0
 
 
-def _closed(log: Log, name: str, t_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Closed poles as the relay knew them: by its breaker's frames, or the record's contacts."""
-    out = np.full(len(t_ns), CLOSED, np.int64)
+def _inputs(log: Log, name: str, relay: Relay, elements: np.ndarray) -> NDArray[np.int64]:
+    """Rows of `RelayInputs` (n, 5): closed poles by its breaker's frames, or the record's contacts; of a pilot
+    scheme what its own bits say was received, for all poles, and whether the channel was there."""
+    out = np.tile(np.array(RelayInputs(), np.int64), (len(elements), 1))
     for at, poles in _positions(log, name):
-        out[np.searchsorted(t_ns, at) :] = poles
+        out[np.searchsorted(elements["t_ns"], at) :, 0] = poles
+    scheme = relay.settings.psch
+    if scheme is not None:
+        bits = log.bits(name)["pickup"]
+
+        def on(bit: str) -> NDArray[np.int64]:
+            if bit not in bits:
+                return np.zeros(len(elements), np.int64)
+            return (elements["pickup"] >> np.uint64(bits.index(bit)) & np.uint64(1)).astype(np.int64)
+
+        received = ALL_POLES * on("PSCH1.ProRx")
+        out[:, 3 if scheme.type == "dtt" else slice(1, 3)] = (
+            received if scheme.type == "dtt" else received[:, None]
+        )
+        out[:, 4] = 1 - on("PSCH1.LosOfGrd")
     return out
 
 

@@ -24,10 +24,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
-from faultloop.errors import nearest
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function, Polygon
 from faultloop.relay.loop_fit import FIRST, SECOND, doubted, gather
@@ -62,24 +61,6 @@ LONGEST, STRONGER = 1.5, 5.0
 POINTS = 73
 
 
-def _polar(value: Any) -> Any:
-    """``{ magnitude = 0.73, angle_deg = -4 }`` as ``[re, im]``."""
-    if isinstance(value, dict):
-        keys = ("magnitude", "angle_deg")
-        for key in value:
-            if key not in keys:
-                raise ValueError(f"unknown key '{key}'; {nearest(key, keys)}")
-        if any(isinstance(value.get(k), bool) or not isinstance(value.get(k), (int, float)) for k in keys):
-            raise ValueError("give [re, im] or { magnitude = ..., angle_deg = ... }")
-        factor = cmath.rect(value["magnitude"], math.radians(value["angle_deg"]))
-        return (factor.real, factor.imag)
-    return value
-
-
-ComplexFactor = Annotated[ComplexOhm, BeforeValidator(_polar)]
-"""A complex number as TOML ``[re, im]`` or ``{ magnitude = ..., angle_deg = ... }``."""
-
-
 class Pdis(Table):
     """``[[pdis]]``: one distance zone."""
 
@@ -105,7 +86,7 @@ class Pdis(Table):
     """Of a quad: fault resistance to ground; ``resistive_reach_ohm`` where not given."""
     tilt_deg: Annotated[float, Field(ge=-20, le=20)] = 3.0
     """Of a quad: how far the reactance line falls towards the resistive side."""
-    residual_compensation_factor: ComplexFactor | None = None
+    residual_compensation_factor: ComplexOhm | None = None
     """k0; (z0 - z1) / (3 z1) of the line where not given."""
     delay_ms: Milliseconds = 0.0
     """From start to operate."""
