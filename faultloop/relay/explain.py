@@ -2,9 +2,10 @@
 and everything that can keep it from starting.
 
 Nothing of it is computed while a relay runs.  The decision is a function of the samples, the phasors, the
-loops and the inputs (breaker, pilot scheme), all of which a log has; so the relay's own chain is run over them once
-more, and its bits must come out as they were logged.  `Retrace` does it and keeps, of the samples at which
-there is something to explain, what the kernels below measure by the functions that the zones use themselves.
+loops and the inputs (breaker, pilot scheme), all of which a log has; so the relay's own chain is run over
+them once more, and its bits must come out as they were logged.  `Retrace` does it and keeps, of the samples
+at which there is something to explain, what the kernels below measure by the functions that the zones use
+themselves.
 """
 
 from __future__ import annotations

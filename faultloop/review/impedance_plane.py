@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
@@ -10,20 +12,25 @@ from faultloop.io.messages import LOOPS
 from faultloop.review.facts import FaultedLoop, Impedance, Summary
 from faultloop.review.view import LOOP_COLOURS, RelayView, Zones, extent_ohm, locus_ms, zone_shapes
 
+Shapes = Mapping[str, NDArray[np.float64]]
 INK, FAINT, ZONE = "#222222", "#70757C", "#26436B"
 DOT_MS = 5.0
 
 
 def impedance_plane(
-    axes: Axes, known: tuple[complex | None, Zones], summary: Summary, view: RelayView
+    axes: Axes, known: tuple[complex | None, Zones, Shapes], summary: Summary, view: RelayView
 ) -> None:
-    """Draws it, from inception to the first pole's opening; ``known``: the line's z1 [ohm] and the zones."""
-    z1, zones = known
+    """Draws it, from inception to the first pole's opening; ``known``: the line's z1 [ohm], the zones as set,
+    and as they are at the instant of the star (empty where that is not known)."""
+    z1, zones, now = known
     loop = view.facts.loop
     shapes = zone_shapes(zones, loop)
     _frame(axes, extent_ohm(shapes, z1, view))
     for shade, (zone, polygon) in enumerate(shapes.items()):
-        _zone(axes, zone, polygon, max(1 - 0.2 * shade, 0.35))
+        _zone(axes, zone, (polygon, now.get(zone)), max(1 - 0.2 * shade, 0.35))
+    if now and loop and view.facts.fault:
+        text = f"zones at {view.facts.fault.ms:.0f} ms; dashed: as set"
+        axes.text(0.985, 0.05, text, transform=axes.transAxes, size=8, color=FAINT, ha="right")
     if z1 is not None:
         axes.plot([0, z1.real], [0, z1.imag], color=INK, lw=2.2, marker="o", ms=4, zorder=3)
         axes.annotate("line", (z1.real, z1.imag), (7, 1), textcoords="offset points", size=8.5, va="center")
@@ -49,9 +56,16 @@ def _frame(axes: Axes, extent: NDArray[np.float64]) -> None:
     axes.set_ylabel("X [Ω primary]")
 
 
-def _zone(axes: Axes, zone: str, polygon: NDArray[np.float64], alpha: float) -> None:
-    axes.fill(*polygon.T, fc=ZONE, alpha=0.05, lw=0)
-    axes.plot(*polygon.T, color=ZONE, lw=1.4, alpha=alpha)
+def _zone(
+    axes: Axes, zone: str, shape: tuple[NDArray[np.float64], NDArray[np.float64] | None], alpha: float
+) -> None:
+    polygon, now = shape
+    if now is None:
+        axes.fill(*polygon.T, fc=ZONE, alpha=0.05, lw=0)
+    else:
+        axes.plot(*now.T, color=ZONE, lw=1.4, alpha=alpha)
+    width, shade, line = (1.4, alpha, "-") if now is None else (0.9, 0.5, (0, (3, 3)))
+    axes.plot(*polygon.T, color=ZONE, lw=width, alpha=shade, ls=line)
     side = 1 if polygon[:, 1].mean() >= 0 else -1  # named on the shoulder away from the line and the locus
     corner = polygon[np.argmax(side * (polygon @ (-0.75, 0.65)))]
     axes.annotate(

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 from string import Template
 
+from faultloop.errors import InputError
 from faultloop.io.mcap_reader import Log
 from faultloop.io.output_file import write_aside
 from faultloop.review.facts import Summary
 from faultloop.review.page_data import content
+from faultloop.review.retrace import Retraced, retrace
 from faultloop.review.text import Rows, can_text, headline, tables
 from faultloop.review.view import KIND_NAMES
+from faultloop.review.why import why
 
-SCRIPTS = ("record.js", "phasors.js", "plane.js", "waves.js", "page.js")
+SCRIPTS = ("record.js", "phasors.js", "characteristic.js", "plane.js", "waves.js", "page.js")
 PAGE = Template("""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -48,6 +52,9 @@ BAR = """<div id="bar">
 <span id="times"></span></div>
 <p class="note">Move to place cursor A, click for B, drag to zoom, double-click for the fault; arrow keys step
 A by a sample (with Shift ten), b puts B there. Times count from {zero}.</p>"""
+STATIC = "as set: what polarizes them then is not known from this log"
+DYNAMIC = "as they are at A with what polarizes them then (solid), and as set (dashed)"
+MOST_SAMPLES = 1_000_000
 SECONDARY = '<button id="secondary" aria-pressed="false">secondary values</button>'
 RELAY = """<section class="relay" data-relay="{place}"><h2>{name}</h2>
 <div class="plots" role="group" aria-label="waves of {name}"></div>
@@ -55,7 +62,7 @@ RELAY = """<section class="relay" data-relay="{place}"><h2>{name}</h2>
 <p class="note">Phasors at A: voltages solid, currents dashed; angles from VA {reference}.</p></div>
 <div><label>Loop <select class="loop"></select></label> <span class="impedance"></span>
 <canvas class="plane" role="img" aria-label="impedance plane of {name}"></canvas>
-<p class="note">Zones as set (a memory-polarized mho reaches further while the memory holds); the loops' way
+<p class="note">Zones {zones}; the loops' way
 during the fault; dot: A, ring: B.</p></div></div>
 <div class="below"><div class="scroll"><table class="values"></table></div>{left_out}</div></section>"""
 
@@ -69,11 +76,12 @@ def write_html(log: Log, summary: Summary, path: str | Path) -> Path:
     """
     with write_aside(path, ".html") as aside:
         title = summary.log.scenario or Path(summary.log.path).name
-        record = content(log, summary) | {"kinds": dict(KIND_NAMES)}
+        known = what_they_knew(log, summary)
+        record = content(log, summary, known) | {"kinds": dict(KIND_NAMES)}
         page = PAGE.substitute(
             title=html.escape(title),
             style=_asset("uPlot.min.css") + _asset("page.css"),
-            body="\n".join(_body(summary, record, title)),
+            body="\n".join(_body(log, summary, record, title, known)),
             record=_json(record),
             licence=_asset("uPlot-LICENSE.txt"),
             uplot=_asset("uPlot.iife.min.js"),
@@ -92,7 +100,9 @@ def _json(record: object) -> str:
     return json.dumps(record, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _body(summary: Summary, record: dict, title: str) -> Iterable[str]:
+def _body(
+    log: Log, summary: Summary, record: dict, title: str, known: Mapping[str, Retraced]
+) -> Iterable[str]:
     yield f"<h1>{html.escape(title)}</h1>"
     yield from (f"<p>{html.escape(line)}</p>" for line in headline(summary))
     yield f"<p>{html.escape(can_text(summary.can))}</p>"
@@ -101,6 +111,7 @@ def _body(summary: Summary, record: dict, title: str) -> Iterable[str]:
         yield "<h3>No trip.</h3>"
     every = tables(summary)
     yield from (_section(*table) for table in every if table[0].startswith("Trips"))
+    yield from _reasons(log, summary, known)
     secondary = any(relay["ratios"] for relay in record["relays"])
     zero = "the fault's inception" if record["from_inception"] else "the start of the log"
     if record["relays"]:
@@ -111,6 +122,7 @@ def _body(summary: Summary, record: dict, title: str) -> Iterable[str]:
             name=html.escape(relay["name"]),
             reference="before the fault" if record["from_inception"] else "at the start",
             left_out=_left_out(relay),
+            zones=DYNAMIC if relay["dynamic"] else STATIC,
         )
     for name, own in summary.relays.items():
         if not own.samples:
@@ -122,6 +134,32 @@ def _body(summary: Summary, record: dict, title: str) -> Iterable[str]:
     yield "<details open><summary>Everything else that was found</summary>"
     yield from (_section(*table) for table in every if not table[0].startswith("Trips"))
     yield "</details>"
+
+
+def what_they_knew(log: Log, summary: Summary) -> dict[str, Retraced]:
+    """Of the relays whose log has what it takes, and is not so long that it would take a minute."""
+    found = {}
+    for name, own in summary.relays.items():
+        if own.samples and own.samples <= MOST_SAMPLES:
+            with suppress(InputError):
+                found[name] = retrace(log, name)
+    return found
+
+
+def _reasons(log: Log, summary: Summary, known: Mapping[str, Retraced]) -> Iterable[str]:
+    """Why each function operated, or did not: a row is a link to its instant."""
+    rows, times = [], []
+    for name in known:
+        for reason in why(log, summary, name):
+            rows.append((name, reason.cause, reason.text))
+            times.append((reason.t_ns - summary.inception.zero_ns) / 1e6)
+    if rows:
+        table = _table(("relay", "cause", "what kept it, or let it operate"), rows, times)
+        yield f"<details open><summary>Why</summary>{table}</details>"
+    without = [name for name, own in summary.relays.items() if own.samples and name not in known]
+    if without:
+        names = html.escape(", ".join(without))
+        yield f'<p class="note">What {names} knew cannot be told from this log: faultloop why says why.</p>'
 
 
 def _left_out(relay: dict) -> str:

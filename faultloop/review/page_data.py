@@ -8,6 +8,7 @@ the least and the greatest value of each stretch stand side by side, and the pag
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,10 @@ from numpy.typing import NDArray
 
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import CHANNELS, LOOPS, SAMPLED_VALUES
+from faultloop.review.characteristic import remembered, zones
 from faultloop.review.facts import Summary
 from faultloop.review.relay_summary import line_impedance, ratios
+from faultloop.review.retrace import Retraced
 from faultloop.review.rows import RelayRows, relay_rows
 from faultloop.review.survey import Survey, survey
 from faultloop.review.view import fault_view, locus_ms, markers, relay_view, window_ms
@@ -27,11 +30,11 @@ STRETCHES = 1200
 """Of the overview outside the detail, for each relay."""
 NO_NUMBER = -(2**15)
 SAMPLE_BYTES = 8 + 2 * len(CHANNELS)
-ESTIMATE_BYTES = 8 * len(CHANNELS) + 8 * len(LOOPS)
+ESTIMATE_BYTES = 8 * len(CHANNELS) + 8 * len(LOOPS) + 40
 
 
-def content(log: Log, summary: Summary) -> dict[str, Any]:
-    """Everything that the page draws."""
+def content(log: Log, summary: Summary, known: Mapping[str, Retraced] | None = None) -> dict[str, Any]:
+    """Everything that the page draws; ``known``: what the relays knew, of those of which it can be told."""
     names = [name for name in summary.relays if summary.relays[name].samples]
     share = MOST_BYTES // max(len(names), 1)
     return {
@@ -40,12 +43,12 @@ def content(log: Log, summary: Summary) -> dict[str, Any]:
         "loops": list(LOOPS),
         "window": [float(ms) for ms in window_ms(summary)],
         "from_inception": summary.inception.t_ns is not None,
-        "relays": [_relay(log, name, summary, share) for name in names],
+        "relays": [_relay(log, name, summary, share, (known or {}).get(name)) for name in names],
         "events": [[e.ms, e.source, e.level, e.text] for e in summary.events],
     }
 
 
-def _relay(log: Log, name: str, summary: Summary, share: int) -> dict[str, Any]:
+def _relay(log: Log, name: str, summary: Summary, share: int, known: Retraced | None) -> dict[str, Any]:
     facts = summary.relays[name]
     whole = survey(log, name)
     everything = whole.count * (SAMPLE_BYTES + ESTIMATE_BYTES) <= share
@@ -85,10 +88,22 @@ def _relay(log: Log, name: str, summary: Summary, share: int) -> dict[str, Any]:
             zone: {"ground": ground.tolist(), "phase": phase.tolist()}
             for zone, (ground, phase) in log.characteristics(name).items()
         },
+        "dynamic": None if known is None else _dynamic(known, rows.t_ns[kept]),
         "z1": None if z1 is None else [z1.real, z1.imag],
         "loop": None if loop is None else [loop.loop, loop.r_ohm, loop.x_ohm],
         "load": None if load is None else [load.r_ohm, load.x_ohm],
         "locus": [float(at) for at in span],
+    }
+
+
+def _dynamic(known: Retraced, t_ns: NDArray[np.int64]) -> dict[str, Any]:
+    """What the zones' characteristics at each kept row are drawn from."""
+    g = known.constants["shared"]
+    return {
+        "rows": _packed(remembered(known, t_ns), "<f4"),
+        "zones": zones(known),
+        "frequency": float(g["frequency"]),
+        "unbalance": float(g["minimum_unbalance"]),
     }
 
 

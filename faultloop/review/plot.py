@@ -12,10 +12,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import POLES
+from faultloop.io.messages import LOOPS, POLES
 from faultloop.io.output_file import write_aside
+from faultloop.review.characteristic import characteristics_at
 from faultloop.review.facts import RelayFacts, Summary
 from faultloop.review.impedance_plane import impedance_plane
 from faultloop.review.relay_summary import line_impedance
@@ -143,12 +145,24 @@ def _relay_column(
     _instants((voltage, current, timeline), markers(summary, view.rows.name), span)
     impedance_plane(
         figure.add_subplot(low[0]),
-        (line_impedance(log, view.rows.name), log.characteristics(view.rows.name)),
+        (line_impedance(log, view.rows.name), log.characteristics(view.rows.name), _now(log, view)),
         summary,
         view,
     )
     _card(figure.add_subplot(low[1]), view)
     return [voltage, current]
+
+
+def _now(log: Log, view: RelayView) -> dict[str, NDArray[np.float64]]:
+    """The zones as they are at the instant at which the faulted loop is told."""
+    loop, fault = view.facts.loop, view.facts.fault
+    if loop is None or fault is None:
+        return {}
+    row = int(np.searchsorted(view.rows.t_ns, fault.t_ns))
+    if row >= len(view.rows.t_ns) or view.rows.t_ns[row] != fault.t_ns:
+        return {}  # not in the window that is drawn
+    place = LOOPS.index(loop.loop)
+    return characteristics_at(log, view.rows.name, fault.t_ns, place, view.rows.phasors[row])
 
 
 def _waves(axes: Axes, view: RelayView, what: tuple[int, str], span: tuple[float, float]) -> None:

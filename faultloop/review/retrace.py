@@ -160,8 +160,8 @@ def _turn(relay: Relay, number: int) -> complex:
 
 
 def _inputs(log: Log, name: str, relay: Relay, elements: np.ndarray) -> NDArray[np.int64]:
-    """Rows of `RelayInputs` (n, 5): closed poles by its breaker's frames, or the record's contacts; of a pilot
-    scheme what its own bits say was received, for all poles, and whether the channel was there."""
+    """Rows of `RelayInputs` (n, 5): closed poles by its breaker's frames, or the record's contacts; of a
+    pilot scheme what its own bits say was received, for all poles, and whether the channel was there."""
     out = np.tile(np.array(RelayInputs(), np.int64), (len(elements), 1))
     for at, poles in _positions(log, name):
         out[np.searchsorted(elements["t_ns"], at) :, 0] = poles

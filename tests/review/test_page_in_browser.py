@@ -14,10 +14,13 @@ import pytest
 from matplotlib.image import imread
 
 from faultloop.io.mcap_reader import open_log
+from faultloop.review.characteristic import characteristic
 from faultloop.review.page import write_html
+from faultloop.review.retrace import retrace
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
 from tests.review.review_logs import FAULT_NS, write_log
+from tests.review.test_why import QUAD, fault, write
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [
@@ -66,6 +69,45 @@ def browser(url: str, *arguments: str) -> tuple[str, str]:
     ]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     return done.stdout, "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
+
+
+DRAWN = """
+<body><iframe id="f" src="{page}" width="1280" height="900"></iframe>
+<script>
+f.onload = () => setTimeout(() => {{
+  const w = f.contentWindow, relay = w.page.relays[0], told = document.createElement("pre");
+  const loops = (row, zone) => [0, 1, 2, 3, 4, 5].map((loop) => w.characteristic(relay, row, zone, loop));
+  const of = (row) => Object.values(relay.dynamic.zones).map((zone) => loops(row, zone));
+  told.id = "out";
+  told.textContent = JSON.stringify({rows}.map(of));
+  document.body.append(told);
+}}, 400);
+</script></body>
+"""
+
+
+def test_characteristics_are_drawn_as_the_relay_had_them(tmp_path: Path) -> None:
+    """The page's script against NumPy: a memory-polarized mho, one polarized across, a quadrilateral with its
+    line tilted by the load; at rest there is none."""
+    zones = [{"zone": 1, "reach_pu": 0.8}, {"zone": 2, "reach_pu": 1.3, "polarization": "cross"}, *QUAD]
+    log = open_log(write(tmp_path / "a.mcap", {"pdis": zones}, fault("BC", 0.75, resistance=2.0), "BC"))
+    write_html(log, summarize(log), tmp_path / "a.html")
+    known, own = retrace(log, "R1"), relay_rows(log, "R1")
+    rows = [100, *np.searchsorted(own.t_ns, known.t_ns[known.shared["fault"] == 5][[20, 300]]).tolist()]
+    outer = tmp_path / "outer.html"
+    outer.write_text(DRAWN.format(page="a.html", rows=rows), encoding="utf-8")
+    seen, console = browser(f"file://{outer}", "--dump-dom")
+    found = re.search(r'<pre id="out">(.*?)</pre>', seen, re.S)
+    assert found is not None and console == ""
+    drawn = json.loads(html.unescape(found[1]))
+    assert drawn[0] == [[None] * 6] * 3
+    for row, told in zip(rows[1:], drawn[1:], strict=True):
+        q = known.shared[np.searchsorted(known.t_ns, own.t_ns[row])]
+        for zone in range(3):
+            c = known.constants["pdis"][zone]
+            points = characteristic(known.constants["shared"], c, q, own.phasors[row], 4)
+            found_there = np.array(told[zone][4]) @ [1, 1j]
+            np.testing.assert_allclose(found_there, points, atol=1e-3 * np.abs(points).max())
 
 
 @pytest.fixture(scope="module")

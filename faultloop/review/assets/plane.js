@@ -33,8 +33,15 @@ function drawPlane(canvas, relay, rowA, rowB) {
   const way = (points, close) => {
     g.beginPath(); points.forEach(([r, x], i) => (i ? g.lineTo(px(r), py(x)) : g.moveTo(px(r), py(x)))); if (close) g.closePath();
   };
-  g.strokeStyle = css("--accent"); g.lineWidth = 1.3;
-  for (const zone of Object.values(relay.zones)) { const points = zone[ground ? "ground" : "phase"]; if (points.length > 2) { way(points, true); g.stroke(); } }
+  const own = relay.page.loops.indexOf(relay.shown), now = {};
+  for (const [name, zone] of Object.entries(relay.dynamic ? relay.dynamic.zones : {})) { const points = characteristic(relay, rowA, zone, own); if (points) now[name] = points; }
+  g.strokeStyle = css("--accent");
+  for (const [name, zone] of Object.entries(relay.zones)) {
+    const points = zone[ground ? "ground" : "phase"];
+    if (points.length < 3) continue;
+    if (now[name]) { g.lineWidth = 1.6; way(now[name], true); g.stroke(); g.globalAlpha = 0.55; g.setLineDash([3, 4]); }
+    g.lineWidth = now[name] ? 1 : 1.3; way(points, true); g.stroke(); g.globalAlpha = 1; g.setLineDash([]);
+  }
   if (relay.z1) { g.strokeStyle = css("--ink"); g.lineWidth = 3; way([[0, 0], relay.z1]); g.stroke(); }
   // loci, from just before the fault to its end
   const [first] = relay.detail, [from, to] = relay.locus;

@@ -19,6 +19,7 @@ class Relay {
     this.samples = data.samples.map(unscaled);
     this.phasors = new Float32Array(bytes(data.phasors));
     this.impedances = new Float32Array(bytes(data.impedances));
+    this.remembered = data.dynamic ? new Float32Array(bytes(data.dynamic.rows)) : null;
     this.shown = data.loop ? data.loop[0] : "AG";
   }
   // Index of the sample nearest to a time, -1 where there is none.
