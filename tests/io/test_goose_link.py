@@ -169,6 +169,19 @@ def test_without_the_extra_one_line_says_what_to_install(monkeypatch: pytest.Mon
         open_link("goose:lo", fd=True)
 
 
+@needs_veth
+def test_a_monitor_without_a_scenario_sees_every_rate_and_name(pair: tuple[str, str]) -> None:
+    here, there = link(pair[0], sampling_hz=12800), open_link(f"goose:{pair[1]}", fd=True)
+    for n in range(8):
+        here.send(SAMPLE._replace(sample_count=12_000 + n).encode())
+    here.send(TRIP.encode())
+    *samples, trip = heard(there, 9)
+    assert [m.sample_count for m in samples] == [12_000 + n for n in range(8)]
+    assert (trip.number, trip.poles) == (0, 5)
+    here.close()
+    there.close()
+
+
 def passes(program: list[tuple[int, int, int, int]], data: bytes) -> bool:
     """Classic BPF, as far as it is used."""
     place, word = 0, 0

@@ -31,6 +31,7 @@ kind = "delay"
 probability = 0.3
 delay_ms = 1.0
 jitter_ms = 2.0
+message = "trip"
 
 [[bus_fault]]
 kind = "duplication"
@@ -86,11 +87,23 @@ def test_processes_trip_over_goose_as_over_can(root: Path, tmp_path: Path) -> No
 
 @needs_veth
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["clearing-both-ends", "single-pole-trip", "bc-60-percent", "pott"])
+@pytest.mark.parametrize("name", ["clearing-both-ends", "single-pole-trip", "bc-60-percent"])
 def test_every_kind_of_scenario_decides_the_same(name: str, root: Path, tmp_path: Path) -> None:
     scenario = root / "scenarios" / f"{name}.toml"
     trips, _ = over_goose(scenario, tmp_path / "run.mcap")
     assert trips == simulated(scenario)
+
+
+@needs_veth
+@pytest.mark.slow
+def test_a_pilot_scheme_decides_the_same(root: Path, tmp_path: Path) -> None:
+    """When it trips depends on when the other end's signal comes, which on a real network is not to the
+    sample."""
+    scenario = root / "scenarios" / "pott.toml"
+    trips, _ = over_goose(scenario, tmp_path / "run.mcap")
+    wanted = simulated(scenario)
+    assert [trip[:5] for trip in trips] == [trip[:5] for trip in wanted]
+    assert any(trip[1] == "PSCH1" for trip in trips)
 
 
 @needs_veth
@@ -103,7 +116,8 @@ def test_loss_delay_and_duplication_befall_goose_too(root: Path, tmp_path: Path)
     trips, hits = over_goose(scenario, tmp_path / "run.mcap")
     clean = simulated(root / "scenarios" / "ag-zone1.toml")
     assert trips == clean
-    assert hits["B2"] > 100 < hits["B3"]
+    assert hits["B1"] > 0 < hits["B2"]
+    assert hits["B3"] > 300
 
 
 @needs_veth

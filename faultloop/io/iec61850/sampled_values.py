@@ -195,7 +195,7 @@ class UnitSubscription:
                 raise Refused("another confRev")
             if len(asdu.sample) != SAMPLE_BYTES:
                 raise Refused("another data set")
-            if asdu.smp_cnt >= self._rate:
+            if self._station.named and asdu.smp_cnt >= self._rate:
                 raise Refused("smpCnt is beyond the sampling rate")
         self.simulated = is_simulated
         samples = [self._sample(asdu, now_ns) for asdu in pdu.asdus]
