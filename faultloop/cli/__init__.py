@@ -21,6 +21,7 @@ from faultloop.cli import (
     export,
     export_settings,
     import_,
+    layout,
     locate,
     monitor,
     new,
@@ -42,14 +43,13 @@ app = typer.Typer(
     epilog="Exit status: 0 done, 2 the input is wrong, 3 an expectation did not hold or logs differ, "
     "130 interrupted.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 COMMANDS = (
     new, check, run, node, monitor, replay, channels, review, why, export, diff, recover, suite, schema,
-    campaign, campaign_report, campaign_case, import_, export_settings, locate,
+    campaign, campaign_report, campaign_case, import_, export_settings, locate, layout,
 )  # fmt: skip
 for command in COMMANDS:
     app.command(name=command.__name__.rpartition(".")[2].rstrip("_").replace("_", "-"))(command.command)

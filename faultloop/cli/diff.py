@@ -10,7 +10,13 @@ import typer
 
 def command(
     a: Annotated[Path, typer.Argument(metavar="A.mcap", help="One log.")],
-    b: Annotated[Path, typer.Argument(metavar="B.mcap", help="The other.")],
+    b: Annotated[
+        Path | None,
+        typer.Argument(metavar="B.mcap", help="The other; none with --again.", show_default=False),
+    ] = None,
+    again: Annotated[
+        bool, typer.Option("--again", help="Compare with a new run of the log's own scenario and settings.")
+    ] = False,
     ignore: Annotated[
         list[str] | None,
         typer.Option(metavar="FIELD", help="Leave a field out: rocof_hz_per_s, '/relay/*/phasors.*'."),
@@ -21,13 +27,21 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Compare two logs: the first differing field and time.  Exit status 3 where they differ."""
+    from tempfile import TemporaryDirectory
+
     from faultloop.cli.output import print_json, warn_of
+    from faultloop.errors import InputError
     from faultloop.io.diff import diff_logs
     from faultloop.io.mcap_reader import open_log
 
-    one, other = open_log(a), open_log(b)
-    result = diff_logs(one, other, ignore or [], _tolerances(tolerance or []))
-    warnings = warn_of(one, other)
+    if (b is None) != again:
+        raise InputError("give two logs, or one and --again", key="--again")
+    one, tolerances = open_log(a), _tolerances(tolerance or [])
+    with TemporaryDirectory() as folder:
+        other = open_log(_run_again(one, Path(folder)) if b is None else b)
+        result = diff_logs(one, other, ignore or [], tolerances)
+        warnings = warn_of(one, other)
+        del other
     if json:
         print_json(
             {
@@ -42,6 +56,15 @@ def command(
     else:
         _print(result)
     return 0 if result.equal else 3
+
+
+def _run_again(log: Any, folder: Path) -> Path:
+    from faultloop.cli.output import announce_compilation
+    from faultloop.loop.again import run_again
+
+    announce_compilation()
+    run_again(log, folder / "again.mcap")
+    return folder / "again.mcap"
 
 
 def _tolerances(items: list[str]) -> dict[str, float]:

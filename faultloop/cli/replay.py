@@ -46,6 +46,7 @@ def command(
     no_user_code: Annotated[
         bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
     ] = False,
+    compress: Annotated[bool, typer.Option("--compress", help="Compress the log (zstd).")] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Play a recorded fault into a relay, as a test set does."""
@@ -71,6 +72,7 @@ def command(
         log=path,
         rerun=rerun,
         user_code=not no_user_code,
+        compress=compress,
     )
     if json:
         print_json(result.as_dict())

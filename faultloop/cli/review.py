@@ -15,6 +15,9 @@ def command(
     rerun: Annotated[
         str | None, typer.Option(metavar="spawn|serve|F.rrd|URL", help="Show it in rerun.")
     ] = None,
+    secondary: Annotated[
+        bool, typer.Option("--secondary", help="The text in secondary values, by the settings' ratios.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """What happened in a log: a summary, and plots where asked for."""
@@ -27,6 +30,14 @@ def command(
 
     opened = open_log(log)
     summary = summarize(opened)
+    told = summary
+    if secondary:
+        from faultloop.errors import InputError
+        from faultloop.review.secondary import secondary as in_secondary
+
+        if json:
+            raise InputError("--json is in primary values, as the log is", key="--secondary")
+        told = in_secondary(opened, summary)
     written = []
     if png is not None:
         from faultloop.review.plot import write_png
@@ -42,7 +53,7 @@ def command(
     if json:
         print_json(as_json(summary) | {"written": [str(path) for path in written]})
     else:
-        print_review(summary, console())
+        print_review(told, console(), secondary=secondary)
         for path in written:
             say(f"wrote {path}")
     if rerun is not None:

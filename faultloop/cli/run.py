@@ -39,6 +39,7 @@ def command(
     no_user_code: Annotated[
         bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
     ] = False,
+    compress: Annotated[bool, typer.Option("--compress", help="Compress the log (zstd).")] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Run a scenario closed-loop: faults, estimates, trips over CAN, breakers; everything in a log."""
@@ -60,6 +61,8 @@ def command(
                     raise InputError(
                         "processes write a log: see it by `faultloop review --rerun`", key="--rerun"
                     )
+                if compress:
+                    raise InputError("processes write a log that is not compressed", key="--compress")
                 if sink:
                     raise InputError("processes write a log, and nothing else", key="--sink")
                 result = run_processes(
@@ -85,6 +88,7 @@ def command(
                     pace=1.0 if realtime else pace,
                     without=without or [],
                     user_code=not no_user_code,
+                    compress=compress,
                     progress=progress,
                 )
     except Interrupted as ended:

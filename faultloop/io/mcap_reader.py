@@ -7,7 +7,7 @@ import mmap
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,12 @@ from faultloop.io.mcap_contents import Contents, Segment
 from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC
 from faultloop.io.mcap_messages import MessageReader
 from faultloop.io.messages import Message, array_dtype, message_of, source_of
+from faultloop.io.notebook import figure, frame
+from faultloop.io.notebook import table as table_of
 from faultloop.io.output_file import parts_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WINDOW_BYTES = 1 << 24
 MOST_NS = 1 << 62  # beyond every time of a log, both ways, and still an int64 with a start added
@@ -74,6 +79,36 @@ class Log:
         self.topics = tuple(sorted(self._channels))
         self.relays = self._sources("relay")
         self.breakers = self._sources("breaker")
+
+    def __repr__(self) -> str:
+        scenario = self.metadata.get("scenario", {}).get("name")
+        what = f"{scenario}, " if scenario else ""
+        relays = f"relays {', '.join(self.relays)}" if self.relays else "no relay"
+        return f"<Log {self.path.name}: {what}{relays}, {len(self.topics)} topics>"
+
+    def _repr_html_(self) -> str:
+        """Trips and events, for a notebook."""
+        trips = [(f"{t.t_ns / 1e6:.3f}", t.source, t.function, t.zone, t.loop) for t in self.trips]
+        events = [(f"{e.t_ns / 1e6:.3f}", e.fields["name"] or e.source, e.message) for e in self.events]
+        shown = table_of(repr(self).strip("<>"), ("ms", "relay", "function", "zone", "loop"), trips)
+        return shown + table_of("Events", ("ms", "from", "what"), events)
+
+    def plot(self, relay: str | None = None) -> Figure:
+        """Voltages and currents of a relay, or of all side by side, with the trips: a matplotlib Figure."""
+        names = self.relays if relay is None else (relay,)
+        marks = [(trip.t_ns, f"{trip.source} {trip.function}") for trip in self.trips]
+        return figure({name: self.samples(name) for name in names}, marks)
+
+    def to_pandas(self, relay: str | None = None) -> Any:
+        """A DataFrame of a relay, the first by default, a row a sample (`faultloop.io.notebook.frame`).
+
+        Raises InputError without pandas, and for a relay that the log does not have.
+        """
+        name = relay if relay is not None else (self.relays[0] if self.relays else "")
+        there = {m.name: t for m in table.SAMPLED if (t := m.topic_for(name)) in self.topics}
+        if not there:
+            raise InputError(f"no relay '{name}'; {nearest(name, self.relays)}", file=self.path)
+        return frame({what: self.array(topic) for what, topic in there.items()}, self.bits(name))
 
     def _start_ns(self) -> int:
         """As the run noted it; the first message's time where that is missing or cannot be."""

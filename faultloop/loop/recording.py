@@ -81,11 +81,13 @@ class MemorySink:
 
     def __init__(self) -> None:
         self._blocks: dict[str, list[tuple[np.ndarray, ...]]] = {}
+        self.bits: dict[str, tuple[str, ...]] = {}
 
     def add_relay(
         self, name: str, bits: Sequence[str], characteristics: Characteristics | None = None
     ) -> None:
         self._blocks[name] = []
+        self.bits[name] = tuple(bits)
 
     def relay_block(self, name: str, *arrays: np.ndarray) -> None:
         self._blocks[name].append(tuple(np.array(a) for a in arrays))
@@ -252,6 +254,7 @@ def open_streams(
     name: str,
     metadata: Metadata,
     attachments: Attachments,
+    compression: str = "",
 ) -> Streams:
     """The log and the rerun stream that are asked for; InputError where one cannot be opened."""
     stream = None
@@ -269,7 +272,7 @@ def open_streams(
 
     try:
         Path(log).parent.mkdir(parents=True, exist_ok=True)
-        return Streams(LogWriter(log, start_ns, metadata, attachments), stream)
+        return Streams(LogWriter(log, start_ns, metadata, attachments, compression), stream)
     except (OSError, InputError) as error:
         if stream is not None:
             stream.abort()

@@ -139,6 +139,7 @@ def replay(
     log: Path | str | None = None,
     rerun: str | None = None,
     user_code: bool = True,
+    compress: bool = False,
 ) -> ReplayResult:
     """Play ``record`` into a relay with ``settings``.
 
@@ -154,7 +155,7 @@ def replay(
     ct_ratio, vt_ratio : the same for all currents and all voltages.
     from_s, to_s : the part to play, in seconds from the record's first sample.
     log : the MCAP log to write; none if not given, and then the arrays are kept in memory.
-    rerun, user_code : as for `faultloop.run`.
+    rerun, user_code, compress : as for `faultloop.run`.
 
     Where the record has nothing for a relay (a decimated stretch, samples or values left out for long), the
     relay gets and the log has no samples; the relay starts anew after that, and `warnings` say so.
@@ -171,7 +172,8 @@ def replay(
     relay = Relay(own, name=NAME)
     memory = MemorySink() if log is None else None
     metadata, attachments = _describe(record, own, choices)
-    streams = open_streams(played.start_ns, log, rerun, record.stem, metadata, attachments)
+    compression = "zstd" if compress else ""
+    streams = open_streams(played.start_ns, log, rerun, record.stem, metadata, attachments, compression)
     fold = Fold(Cast({NAME: None}, ()))
     recorder = Recorder([fold, *streams.sinks])
     if memory is not None:

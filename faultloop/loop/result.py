@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from faultloop.config.expect import Expect
+from faultloop.io import notebook
+from faultloop.io.messages import bit_names
 from faultloop.loop.outcome import EventText, FaultChange, Outcome, TripReport
 from faultloop.loop.pacing import Pacing
 from faultloop.loop.recording import MemorySink
 from faultloop.loop.scenario import Scenario
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from faultloop.io.rerun_sink import RerunSink
 
 
@@ -103,6 +107,47 @@ class Result:
         """Element bit sets (n,): t_ns, pickup, operate."""
         return self._array("elements", relay)
 
+    def __repr__(self) -> str:
+        name = self.scenario.scenario.name
+        told = ", ".join(f"{t.relay} {_told(t, self.fault_start_ns)}" for t in self.trips) or "no trip"
+        kept = "in memory" if self.log is None else str(self.log)
+        return f"<Result {name}: {self.simulated_s:g} s, {told}; {kept}>"
+
+    def _repr_html_(self) -> str:
+        """Trips, expectations and events, for a notebook."""
+        start = self.fault_start_ns
+        trips = [
+            (t.relay, t.function, t.zone, t.loop, t.pole_names, _ms(delay_ms(t, start))) for t in self.trips
+        ]
+        shown = notebook.table(
+            repr(self).strip("<>"), ("relay", "function", "zone", "loop", "poles", "trip ms"), trips
+        )
+        held = [(v.expect.relay, "held" if v.held else "NOT HELD", v.why) for v in self.expectations]
+        shown += notebook.table("Expectations", ("relay", "", "what happened"), held)
+        events = [(f"{(e.t_ns - (start or 0)) / 1e6:.2f}", e.source, e.text) for e in self.events]
+        return shown + notebook.table("Events", ("ms", "from", "what"), events)
+
+    def plot(self, relay: str | None = None) -> Figure:
+        """Voltages and currents of a relay, or of all side by side, with fault and trips: a Figure."""
+        names = [place.name for place in self.scenario.relay] if relay is None else [relay]
+        marks = [(change.t_ns, "fault") for change in self.faults if change.on]
+        marks += [(trip.t_ns, f"{trip.relay} {trip.function}") for trip in self.trips]
+        return notebook.figure({name: self.samples(name) for name in names}, marks)
+
+    def to_pandas(self, relay: str | None = None) -> Any:
+        """A DataFrame of a relay, the first by default, a row a sample (`faultloop.io.notebook.frame`).
+
+        Raises InputError without pandas.
+        """
+        if self.memory is None and self.log is not None:
+            from faultloop.io.mcap_reader import open_log
+
+            return open_log(self.log).to_pandas(relay)
+        kinds = ("samples", "phasors", "loops", "elements")
+        name = relay if relay is not None else self.scenario.relay[0].name
+        bits = {} if self.memory is None else bit_names(self.memory.bits[name])
+        return notebook.frame({what: self._array(what, relay) for what in kinds}, bits)
+
     def _array(self, what: str, relay: str | None) -> np.ndarray:
         names = [place.name for place in self.scenario.relay]
         name = names[0] if relay is None and names else relay
@@ -158,6 +203,10 @@ def _objection(expect: Expect, trip: TripReport, fault_ns: int | None) -> str | 
 def delay_ms(trip: TripReport, fault_ns: int | None) -> float | None:
     """From the fault's start (the run's, if there is none) to the breaker's receiving the trip."""
     return None if trip.received_ns is None else (trip.received_ns - (fault_ns or 0)) / 1e6
+
+
+def _ms(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
 
 
 def _told(trip: TripReport, fault_ns: int | None) -> str:

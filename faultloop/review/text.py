@@ -45,13 +45,13 @@ LOOP_COLUMNS = (
 BREAKER_COLUMNS = ("breaker", ">at", "command", "opened", "closed", "poles now closed")
 
 
-def print_review(summary: Summary, console: Console) -> None:
-    """Prints what ``summarize`` made of a log."""
+def print_review(summary: Summary, console: Console, *, secondary: bool = False) -> None:
+    """Prints what ``summarize`` made of a log; ``secondary``: what its values are, for the tables' titles."""
     for line in headline(summary):
         console.print(line, markup=False)
     for title, columns, rows in tables(summary):
         console.print()
-        console.print(_table(title, columns, rows))
+        console.print(_table(title.replace("primary", "secondary") if secondary else title, columns, rows))
     if not any(own.trips for own in summary.relays.values()):
         console.print("\nNo trip.")
     console.print(f"\n{can_text(summary.can)}", markup=False)
@@ -102,7 +102,7 @@ def tables(summary: Summary) -> Iterable[tuple[str, Sequence[str], Rows]]:
     columns = TRIP_COLUMNS if several else (*TRIP_COLUMNS[:8], TRIP_COLUMNS[10])
     found = (
         ("Trips: decided by the relay, received by the breaker [ms]", columns, trips),
-        ("Phasors: RMS, angle against VA before the fault", PHASOR_COLUMNS, phasor_rows(summary)),
+        ("Phasors: RMS primary, angle against VA before the fault", PHASOR_COLUMNS, phasor_rows(summary)),
         ("Faulted loop and load [ohm, primary], peak currents", LOOP_COLUMNS, loop_rows(summary)),
         ("Elements [ms]", ELEMENT_COLUMNS, element_rows(summary)),
         ("Breakers [ms]", BREAKER_COLUMNS, breaker_rows(summary)),
@@ -153,7 +153,7 @@ def phasor_text(channel: str, phasor: Phasor) -> str:
     """``126.8 kV -120.0°``; currents below 1 kA in ampere."""
     size, unit = phasor.magnitude, "V" if channel[0] == "v" else "A"
     angle = f"{round(phasor.angle_deg, 1) + 0.0:6.1f}°"  # + 0.0: no -0.0
-    if size >= 1000 or unit == "V":
+    if size >= 1000:
         return f"{size / 1000:.2f} k{unit} {angle}"
     return f"{size:.1f} {unit} {angle}"
 

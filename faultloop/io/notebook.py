@@ -1,0 +1,81 @@
+"""What a notebook shows of a relay's rows: a figure, a data frame, a table."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from faultloop.errors import InputError
+from faultloop.io.messages import CHANNELS, ELEMENTS, values
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLOURS = ("#D55E00", "#009E73", "#0072B2")  # apart for the colour-blind too (Okabe and Ito 2008)
+Arrays = Mapping[str, np.ndarray]
+"""Of one relay: "samples", "phasors", "loops", "elements", those there are, as the log's reader has them."""
+
+
+def figure(relays: Mapping[str, np.ndarray], marks: Sequence[tuple[int, str]]) -> Figure:
+    """Voltages and currents side by side; ``relays``: sampled values by name; ``marks``: ns and text."""
+    from matplotlib.figure import Figure
+
+    shown = Figure(figsize=(6.5 * max(len(relays), 1), 4.5), layout="constrained")
+    axes = shown.subplots(2, max(len(relays), 1), squeeze=False, sharex=True, sharey="row")
+    for column, (name, rows) in zip(axes.T, relays.items(), strict=False):
+        ms, own = rows["t_ns"] / 1e6, values(rows) / 1e3
+        for k, channel in enumerate(CHANNELS):
+            column[k // 3].plot(ms, own[:, k], color=COLOURS[k % 3], lw=1, label=channel)
+        column[0].set_title(name)
+        column[1].set_xlabel("time from the start [ms]")
+        for one in column:
+            one.legend(loc="upper right", ncols=3, fontsize=8)
+            for t_ns, text in marks:
+                one.axvline(t_ns / 1e6, color="#222222", lw=0.8, ls="--", label=text)
+    axes[0, 0].set_ylabel("voltage [kV]")
+    axes[1, 0].set_ylabel("current [kA]")
+    for t_ns, text in marks:
+        axes[0, 0].annotate(
+            text, (t_ns / 1e6, 1), xycoords=("data", "axes fraction"), size=8, rotation=90, va="top"
+        )
+    return shown
+
+
+def frame(arrays: Arrays, bits: Mapping[str, Sequence[str]]) -> Any:
+    """A pandas DataFrame of a relay, a row for each sample: index ``t_s`` [s from the start]; samples,
+    phasors and loops by their fields' names, elements as booleans by their IEC 61850 names.
+
+    Raises InputError without pandas.
+    """
+    try:
+        import pandas as pd
+    except ImportError as error:
+        raise InputError("pandas is not installed: pip install pandas") from error
+    tables = []
+    for what, rows in arrays.items():
+        index = pd.Index(rows["t_ns"] / 1e9, name="t_s")
+        if what in ("elements", ELEMENTS.name):
+            columns = {
+                name: (rows[word] >> np.uint64(place) & np.uint64(1)).astype(bool)
+                for word in ("pickup", "operate")
+                for place, name in enumerate(bits[word])
+                if name
+            }
+        else:
+            columns = {name: rows[name] for name in rows.dtype.names or () if name != "t_ns"}
+        tables.append(pd.DataFrame(columns, index=index))
+    return pd.concat(tables, axis=1)
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """HTML of a title and a table; every text is safe."""
+
+    def line(cells: Sequence[object], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(str(cell))}</{tag}>" for cell in cells) + "</tr>"
+
+    body = "".join(line(row, "td") for row in rows)
+    head = line(columns, "th") if rows else ""
+    return f"<p>{html.escape(title)}</p><table>{head}{body}</table>"
