@@ -285,7 +285,8 @@ def test_another_stack_takes_our_sampled_values(pair: tuple[str, str]) -> None:
     other = foreign("see", pair[1], str(0x4001), "6")
     here = link(pair[0], sampling_hz=4800)
     for n in range(6):
-        here.send(SAMPLE._replace(sample_count=4797 + n - 1).encode())
+        here.send(SAMPLE._replace(sample_count=4796 + n).encode())
+        time.sleep(0.05)
     got = told(other)
     here.close()
     assert [(m["sv_id"], m["count"], m["conf_rev"]) for m in got] == [
