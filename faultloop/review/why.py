@@ -11,7 +11,7 @@ fault would have been inside without it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from faultloop.review import why_stages
 from faultloop.review.facts import Summary, TripFacts
 from faultloop.review.retrace import Retraced, retrace
 from faultloop.review.survey import survey
+from faultloop.review.why_stages import Cause
 from faultloop.review.why_zone import Zone, judge_zone
 
 STARTING = ("PDIS", "PSOF", "PIOC", "PTOC", "PTUV", "PTOV", "PTUF", "PTOF", "PFRC")
@@ -60,14 +61,11 @@ class Reason:
     operated: bool
     m: float | None
     timer_ms: float | None
-    cause: str
+    cause: Cause
     text: str
 
 
-CAUSES = (
-    *("operated", "reach", "resistance", "direction", "phase-selection", "timer", "minimum-current"),
-    *("not-settled", "power-swing", "fuse-failure", "blocked", "pickup", "quiet"),
-)
+CAUSES = get_args(Cause)
 
 
 def why(log: Log, summary: Summary, relay: str | None = None, function: str | None = None) -> list[Reason]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,21 @@ from faultloop.relay.layout import Instance
 from faultloop.review.retrace import Retraced
 from faultloop.review.rows import Span, relay_rows
 
+Cause = Literal[
+    "operated",
+    "reach",
+    "resistance",
+    "direction",
+    "phase-selection",
+    "timer",
+    "minimum-current",
+    "not-settled",
+    "power-swing",
+    "fuse-failure",
+    "blocked",
+    "pickup",
+    "quiet",
+]
 CURRENTS, VOLTAGES, FREQUENCIES = ("PIOC", "PTOC"), ("PTUV", "PTOV"), ("PTUF", "PTOF")
 OF_CURRENT = {overcurrent.PHASE: "phases", overcurrent.RESIDUAL: "residual", overcurrent.NEGATIVE: "negative"}
 OF_VOLTAGE = {
@@ -30,7 +46,7 @@ _TURN = np.exp(2j * np.pi / 3 * np.arange(3))
 class Verdict:
     """A cause, the depth or the part of the pickup, and what a person reads."""
 
-    cause: str
+    cause: Cause
     m: float | None
     text: str
 

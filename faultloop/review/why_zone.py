@@ -12,10 +12,10 @@ from faultloop.relay.functions.lphd import CAUSES as NOT_READY
 from faultloop.relay.functions.pdis import MAX_ZONES, QUAD
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.quantities import FAULTS, LOOPS
-from faultloop.review.why_stages import Facts, Verdict
+from faultloop.review.why_stages import Cause, Facts, Verdict
 
 NONE, SETTLE, UNFED, CURRENT, TYPE, LOOP, SIDE, FUSE, SWING, REACH, STAY, CONFIRM, TIMER, SILENT = range(14)
-CAUSE = {
+CAUSE: dict[int, Cause] = {
     NONE: "quiet",
     SETTLE: "not-settled",
     UNFED: "minimum-current",
@@ -31,6 +31,7 @@ CAUSE = {
     TIMER: "timer",
     SILENT: "blocked",
 }
+ALL_LOOPS = 0b111111
 TRUE_LOOPS = {"ABG": "AB", "BCG": "BC", "CAG": "CA", "ABCG": "ABC"}
 
 
@@ -46,13 +47,13 @@ class Zone:
         """Type: the true one; else the relay's, for as long as it was; 0 for none."""
         if self.truth is not None:
             return FAULTS.index(TRUE_LOOPS.get(self.truth, self.truth))
-        types = self.shared["fault"]
+        types = self.shared["fault"][self.shared["unmeasured"] != ALL_LOOPS]
         return int(np.bincount(types[types > 0], minlength=1).argmax()) if (types > 0).any() else 0
 
     @cached_property
     def loops(self) -> list[int]:
         """The loops of the type that the zone measures."""
-        mask = LOOP_MASK[self.fault] if self.fault else int(np.int64(0b111111))
+        mask = LOOP_MASK[self.fault] if self.fault else ALL_LOOPS
         own = int(self.c["loops"])
         return [k for k in range(6) if mask & own & 1 << k]
 
@@ -113,7 +114,7 @@ class Zone:
             (q["ready"] == 0, SETTLE),
             (blocked & inside & (q["fuse_failure"] > 0), FUSE),
             (blocked & inside, SWING),
-            (q["disturbed"] == 0, NONE),
+            ((q["disturbed"] == 0) | (q["unmeasured"] == ALL_LOOPS), NONE),  # at rest, or nothing flows
             (q["fed"] == 0, UNFED),
             (opposite, SIDE),
             (~enough, CURRENT),
@@ -134,11 +135,11 @@ class Zone:
         if not len(active):
             return NONE
         late = active[len(active) // 2 :]
-        if self.truth is None and not (late == TIMER).any():
+        if self.truth is None:
             late = active  # without a fault there is no time that ends with it
-            for block in (FUSE, SWING):
-                if (late == block).any():
-                    return block
+            for stage in (TIMER, FUSE, SWING):
+                if (late == stage).any():
+                    return stage
         return int(np.bincount(late).argmax())
 
     @property

@@ -9,9 +9,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from pydantic import TypeAdapter
 
 import faultloop
 from faultloop.cli import call
+from faultloop.review.facts import Summary
+from tests.review.review_logs import write_log
 
 ROOT = Path(__file__).resolve().parents[2]
 AG = ROOT / "scenarios" / "ag-zone1.toml"
@@ -157,3 +160,18 @@ def test_an_estimator_that_is_code_is_refused_too(tmp_path: Path) -> None:
         with pytest.raises(faultloop.InputError):
             refuse_user_code(settings)
     refuse_user_code(faultloop.RelaySettings.from_dict(data))
+
+
+@pytest.mark.parametrize("kind", ["review", "why"])
+def test_schema_of_what_a_command_prints(capsys: Capture, kind: str, tmp_path: Path) -> None:
+    """Every key that `review --json` prints is in it; those of `why` are held by its own test."""
+    schema = json.loads(out_of(capsys, "schema", kind))
+    if kind == "why":
+        causes = schema["$defs"]["Reason"]["properties"]["cause"]["enum"]
+        assert causes[0] == "operated" and "fuse-failure" in causes and len(causes) == 13
+        return
+    printed = json.loads(out_of(capsys, "review", write_log(tmp_path / "known.mcap"), "--json"))
+    assert set(printed) - {"written"} == set(schema["properties"])
+    TypeAdapter(Summary).validate_json(json.dumps(printed))
+    relay = schema["$defs"]["RelayFacts"]["properties"]
+    assert set(printed["relays"]["R1"]) == set(relay)
