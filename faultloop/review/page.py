@@ -155,7 +155,7 @@ def _reasons(log: Log, summary: Summary, known: Mapping[str, Retraced]) -> Itera
             times.append((reason.t_ns - summary.inception.zero_ns) / 1e6)
     if rows:
         table = _table(("relay", "cause", "what kept it, or let it operate"), rows, times)
-        yield f"<details open><summary>Why</summary><div class="why">{table}</div></details>"
+        yield f'<details open><summary>Why</summary><div class="why">{table}</div></details>'
     without = [name for name, own in summary.relays.items() if own.samples and name not in known]
     if without:
         names = html.escape(", ".join(without))
