@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 from pydantic import Field, model_validator
@@ -51,5 +52,30 @@ class RelayPlace(Table):
     """The current transformer, a ``[[ct]]``; ideal where not given."""
     vt: Name | None = None
     """The voltage transformer, a ``[[vt]]``; ideal where not given."""
+    synchro_vt: bool = False
+    """There is a voltage transformer on the breaker's other side, too: for synchrocheck."""
+    parallel: Name | None = None
+    """The relay of the parallel line at the same end, whose residual current it measures, too."""
+    back_trip: tuple[Name, ...] = Field(default=(), strict=False)
+    """Breakers that are told to open when its own has failed: those around it."""
     front_end: FrontEnd | None = None
     """This relay's own, in place of the scenario's."""
+
+
+def more_rows(places: Sequence[RelayPlace]) -> list[tuple[int, int]]:
+    """Per relay the rows of the plant's samples that it measures beside its own: of the breaker's other
+    side, which follow the relays', and of the parallel line's relay; -1 for none."""
+    names = [place.name for place in places]
+    behind = iter(range(len(places), measured_rows(places)))
+    return [
+        (
+            next(behind) if place.synchro_vt else -1,
+            -1 if place.parallel is None else names.index(place.parallel),
+        )
+        for place in places
+    ]
+
+
+def measured_rows(places: Sequence[RelayPlace]) -> int:
+    """How many places the plant measures at."""
+    return len(places) + sum(place.synchro_vt for place in places)

@@ -6,21 +6,20 @@ from collections.abc import Sequence
 from typing import Any
 
 from faultloop.io.can.frames import Frame
-from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.loop.outcome import pole_names
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes import FOREVER, Command, breaker_node
+from faultloop.nodes.breaker import commands_of
+from faultloop.nodes.roster import commanders
 from faultloop.plant.elements.switch import Action
 from faultloop.plant.mechanism import Pending, commanded
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:
-    """What a breaker listens to: the trip and close frames of its relays."""
-    name = scenario.breaker[number].name
-    relays = [i for i, place in enumerate(scenario.relay) if place.breaker == name]
-    return [kind + i for kind in (Kind.TRIP, Kind.CLOSE) for i in relays]
+    """What a breaker listens to: the commands of its relays."""
+    return [kind + i for kind, i in commands_of(*commanders(scenario, number))]
 
 
 class BreakerProcess:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from faultloop.config.place import measured_rows, more_rows
 from faultloop.errors import InputError, nearest
 from faultloop.io.can.transport import Transport
 from faultloop.loop import drive, exchange
@@ -77,9 +78,10 @@ class ClosedLoop:
         self._breaker_names = [b.name for b in scenario.breaker]
         self._relay_names = [place.name for place in scenario.relay]
         self._bank = bank_of(self.relays, ROWS)
-        self._course = new_course(
-            [self.plant.closed(name) for name in self._breaker_names], len(self.relays), self.clock, ROWS
-        )
+        for own, rows in zip(self._bank.relay, more_rows(scenario.relay), strict=True):
+            own["across"], own["beside"] = rows
+        closed = [self.plant.closed(name) for name in self._breaker_names]
+        self._course = new_course(closed, measured_rows(scenario.relay), self.clock, ROWS)
         self._course.clock["end"] = self.total
         self._now = self._course.clock[0]
         self._traffic = Traffic(scenario, bus, recorder, self, left_out)
@@ -178,7 +180,7 @@ class ClosedLoop:
     def _set(self, number: int, relay: Relay) -> None:
         """Its node, as the warm-up has left it."""
         node, outputs = self._traffic.relays[number], relay.outputs
-        node.set(0, outputs.trip_poles, outputs.close_poles, outputs.pilot, outputs.transfer)
+        node.set(0, outputs)
         node.measured[:14] = relay.phasors[-1]
         node.measured[14] = relay.fault_location
         relay.set_inputs(relay.inputs)

@@ -16,7 +16,7 @@ import numpy as np
 from numba.core import types
 from numpy.typing import NDArray
 
-from faultloop.io.can.port import TRIP
+from faultloop.io.can.port import CLOSE
 from faultloop.io.can.record import Records
 from faultloop.jit import Address, call_step, inner, njit
 from faultloop.loop.exchange import (
@@ -77,12 +77,12 @@ class Course(NamedTuple):
     breaker: Records
     """(breakers,) BREAKER"""
     samples: NDArray[np.float64]
-    """(N, relays, 6)"""
+    """(N, rows, 6): of the relays, then of the breakers' other sides"""
 
 
-def new_course(closed: Sequence[int], relays: int, clock: SampleClock, rows: int) -> Course:
-    """At sample 0; ``closed``: the poles of each breaker."""
-    course = Course(np.zeros(1, CLOCK), np.zeros(len(closed), BREAKER), np.zeros((rows, relays, 6)))
+def new_course(closed: Sequence[int], measured: int, clock: SampleClock, rows: int) -> Course:
+    """At sample 0; ``closed``: the poles of each breaker; ``measured``: places at which the plant does."""
+    course = Course(np.zeros(1, CLOCK), np.zeros(len(closed), BREAKER), np.zeros((rows, measured, 6)))
     course.clock["sampling_hz"], course.clock["ahead"] = clock.sampling_hz, AHEAD
     course.breaker["closed"], course.breaker["seat"] = closed, NOBODY
     return course
@@ -163,7 +163,7 @@ def act(course: Course, x: Exchange, switches: Any, bank: Any) -> bool:
                 order = switches.order[control.orders]
                 order.t_ns = event.t_ns
                 order.breaker = seat.number
-                order.opens = event.identifier - (event.identifier & 0xF) == TRIP
+                order.opens = event.identifier - (event.identifier & 0xF) != CLOSE
                 order.poles = event.value
                 control.orders += 1
                 event.closed = course.breaker[seat.number].closed
@@ -246,6 +246,22 @@ def take_changes(course: Course, x: Exchange, switches: Any, t_ns: int) -> bool:
 
 
 @inner
+def samples_of(course: Course, bank: Any, i: int, row: int) -> NDArray[np.float64]:
+    """What a relay measures in a row, (1, 6) or (1, WIDE)."""
+    r, wide = bank.relay[i], bank.wide[i]
+    if r.across < 0 and r.beside < 0:
+        return course.samples[row, i : i + 1]
+    for k in range(6):
+        wide[k] = course.samples[row, i, k]
+    for k in range(3):
+        wide[6 + k] = course.samples[row, r.across, k] if r.across >= 0 else np.nan
+    wide[9] = np.nan
+    if r.beside >= 0:
+        wide[9] = course.samples[row, r.beside, 3:].sum()
+    return bank.wide[i : i + 1]
+
+
+@inner
 def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) -> bool:
     """One relay's decision on the next sample; True where its outputs changed or it has something to tell."""
     c, r, q = course.clock[0], bank.relay[i], bank.state[i].shared
@@ -255,7 +271,7 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     decide_block(
         bank.constants[i : i + 1],
         bank.state[i : i + 1],
-        course.samples[row, i : i + 1],
+        samples_of(course, bank, i, row),
         bank.phasors[i, row : row + 1],
         bank.loops[i, row : row + 1],
         bank.words[i, row : row + 1],
@@ -270,8 +286,11 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     set_state(x.nodes.publishers[first], q.poles, t_ns)
     set_state(x.nodes.publishers[first + 1], q.close_poles, t_ns)
     set_state(x.nodes.publishers[first + 2], q.pilot, t_ns)
-    if x.nodes.node[i].publishers > 3:
-        set_state(x.nodes.publishers[first + 3], q.transfer, t_ns)
+    node = x.nodes.node[i]
+    if node.transfers:
+        set_state(x.nodes.publishers[first + node.transfers], q.transfer, t_ns)
+    if node.back_trips:
+        set_state(x.nodes.publishers[first + node.back_trips], q.back_trip, t_ns)
     n = bank.notices[0]
     bank.notice[n, 0] = i
     bank.notice[n, 1] = c.sample

@@ -212,7 +212,7 @@ class Traffic:
             self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
         elif what == exchange.STATE_TAKEN:
             if value and isinstance(self._seats[node], BreakerNode):
-                operation = "open" if identifier & ~0xF == Kind.TRIP else "close"
+                operation = "close" if identifier & ~0xF == Kind.CLOSE else "open"
                 command = Command(t_ns, operation, value, identifier & 0xF)
                 self._acts.obey(self._numbers[node], command, closed)
         elif what == exchange.REFUSED:

@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.place import more_rows
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
 from faultloop.relay import Relay
+from faultloop.relay.quantities import WIDE
 
 KEPT = 256
 """States that are kept, the newest ones."""
@@ -27,16 +29,32 @@ NO_MATTER = {"scenario": HEADER} | dict.fromkeys(OF_THE_RUN, True)
 
 
 def history(scenario: Scenario) -> NDArray[np.float64]:
-    """The samples of a second before sample 0, (n, relays, 6): whole cycles at any nominal frequency."""
+    """The samples of a second before sample 0, (n, rows, 6): whole cycles at any nominal frequency."""
     plant = Plant(scenario.model_copy(update={"fault": ()}))
     return plant.history(plant.sampling_hz)
 
 
 def warm_up(scenario: Scenario, relays: Sequence[Relay]) -> None:
     """Each relay, in the scenario's order, as it is at sample 0."""
-    before = history(scenario)
-    for i, relay in enumerate(relays):
-        relay.warm_up(before[:, i])
+    for relay, samples in zip(relays, measured(scenario, history(scenario)), strict=True):
+        relay.warm_up(samples)
+
+
+def measured(scenario: Scenario, samples: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """What each relay measures of the plant's samples (n, rows, 6): (n, 6), or (n, WIDE) of one that also
+    does the breaker's other side or the parallel line."""
+    found = []
+    for i, (across, beside) in enumerate(more_rows(scenario.relay)):
+        own = samples[:, i]
+        if across >= 0 or beside >= 0:
+            more = np.full((len(own), WIDE - 6), np.nan)
+            if across >= 0:
+                more[:, :3] = samples[:, across, :3]
+            if beside >= 0:
+                more[:, 3] = samples[:, beside, 3:].sum(axis=1)
+            own = np.hstack([own, more])
+        found.append(np.ascontiguousarray(own))
+    return found
 
 
 class WarmStates:
@@ -53,7 +71,7 @@ class WarmStates:
         said = self._said(scenario)
         digests = self._digests.get(said)
         if digests is None or not all(key in self._states for key in zip(relays, digests, strict=True)):
-            digests = self._digests[said] = self._run(history(scenario), relays)
+            digests = self._digests[said] = self._run(measured(scenario, history(scenario)), relays)
         self._digests.move_to_end(said)
         for key in zip(relays, digests, strict=True):
             self._take(*key)
@@ -69,11 +87,10 @@ class WarmStates:
             self._last = last = scenario, said
         return last[1]
 
-    def _run(self, before: NDArray[np.float64], relays: Sequence[Relay]) -> list[bytes]:
+    def _run(self, before: Sequence[NDArray[np.float64]], relays: Sequence[Relay]) -> list[bytes]:
         """Warms up where that was never done; returns the digests of the relays' samples."""
         digests = []
-        for i, relay in enumerate(relays):
-            samples = np.ascontiguousarray(before[:, i])
+        for i, (relay, samples) in enumerate(zip(relays, before, strict=True)):
             digests.append(blake2b(samples.tobytes(), digest_size=16).digest())
             if (relay, digests[i]) not in self._states:
                 relay.warm_up(samples)

@@ -27,8 +27,14 @@ class Command:
     def of(cls, t_ns: int, message: Any) -> Command | None:
         """In a ``MESSAGE`` that was accepted at `t_ns`; None where it commands nothing."""
         poles = int(message["poles"])
-        operation: Literal["open", "close"] = "open" if message["kind"] == Kind.TRIP else "close"
+        operation: Literal["open", "close"] = "close" if message["kind"] == Kind.CLOSE else "open"
         return cls(t_ns, operation, poles, int(message["number"])) if poles else None
+
+
+def commands_of(relays: Sequence[int], backed_up: Sequence[int]) -> list[tuple[Kind, int]]:
+    """What a breaker obeys: kind of message and relay."""
+    own = [(kind, relay) for relay in relays for kind in (Kind.TRIP, Kind.CLOSE)]
+    return own + [(Kind.BREAKER_FAILURE, relay) for relay in backed_up]
 
 
 class BreakerNode(Node):
@@ -38,6 +44,7 @@ class BreakerNode(Node):
     ----------
     number : of the breaker, 0 to 15.
     relays : numbers of the relays that may command it.
+    backed_up : numbers of the relays that open it when a breaker beside it has failed.
     closed : mask of closed poles at the start.
     report : told of the frames that it refuses, and why.
     seal : what its state frames pass, in and out.
@@ -56,13 +63,13 @@ class BreakerNode(Node):
         seal: Seal = PLAIN,
         start_ns: int = 0,
         confirmations: int = 1,
+        backed_up: Sequence[int] = (),
     ) -> None:
         repetition = Repetition(heartbeat_ns=round(heartbeat_s * 1e9))
         status = Publisher(Kind.BREAKER_STATUS, number, closed, start_ns, repetition)
         commands = [
             Subscriber(repetition, start_ns=start_ns, confirmations=confirmations, kind=kind, number=relay)
-            for relay in relays
-            for kind in (Kind.TRIP, Kind.CLOSE)
+            for kind, relay in commands_of(relays, backed_up)
         ]
         super().__init__(
             RELAYS + number,

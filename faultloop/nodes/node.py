@@ -46,7 +46,7 @@ from faultloop.nodes.refusals import Refusals, Report
 MEASURED = 15
 """Values that a relay shows: phasors with their frequency (14), fault location."""
 PAGES = 3
-MOST = 4 + 1 + PAGES
+MOST = 5 + 1 + PAGES
 """Messages that a node gives at once, at most."""
 NOTHING, TAKEN = 0, 1
 SILENT, REJECTED = int(Alarm.SILENT), int(Alarm.REJECTED)
@@ -69,6 +69,8 @@ NODE = np.dtype(
                 "refused",  # frames
                 "refused_before",  # its last heartbeat
                 "page",  # counter of its measurements
+                "transfers",  # which of a relay's publishers tells of a transferred trip; 0: none
+                "back_trips",  # and which one of breaker failure
             )
         ),
         ("heartbeat", CYCLIC),

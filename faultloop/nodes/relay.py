@@ -16,6 +16,7 @@ from faultloop.jit import njit
 from faultloop.nodes.goose import NOTHING_HEARD, Publisher, Repetition, Subscriber, set_state
 from faultloop.nodes.node import Node, Nodes
 from faultloop.nodes.refusals import Report, unheard
+from faultloop.relay.events import Outputs
 
 CHANNEL_GRACE_NS = 10_000_000
 """Of a channel's jitter, and of one lost repetition, beyond the time allowed to live."""
@@ -56,6 +57,14 @@ def hear_first(nodes: Nodes, i: int, heard: Any) -> None:
     hear(nodes, i, heard[0])
 
 
+def published(linked: bool, back_trips: bool) -> tuple[Kind, ...]:
+    """The states that a relay publishes; of these the last ones only where somebody hears them."""
+    kinds = [Kind.TRIP, Kind.CLOSE, Kind.PILOT]
+    kinds += [Kind.TRANSFER] if linked else []
+    kinds += [Kind.BREAKER_FAILURE] if back_trips else []
+    return tuple(kinds)
+
+
 class RelayNode(Node):
     """A relay's side of the bus: publishes trip, close, pilot and measurements; follows breaker and far end.
 
@@ -65,6 +74,7 @@ class RelayNode(Node):
     breaker : number of the breaker it trips and follows, None if it has none.
     partners : numbers of the relays whose pilot signal it takes.
     linked : of those that a channel links to it: it misses their signals, and takes their transferred trips.
+    back_trips : it tells the breakers around when its own has failed.
     heartbeat_s, measurements_hz : how often it publishes while nothing happens.
     report : told of the frames that it refuses, and why.
     seal : what its state frames pass, in and out.
@@ -85,6 +95,7 @@ class RelayNode(Node):
         start_ns: int = 0,
         confirmations: int = 1,
         linked: Sequence[int] = (),
+        back_trips: bool = False,
     ) -> None:
         repetition = Repetition(heartbeat_ns=round(heartbeat_s * 1e9))
         through = Repetition(heartbeat_ns=repetition.heartbeat_ns, grace_ns=CHANNEL_GRACE_NS)
@@ -94,11 +105,11 @@ class RelayNode(Node):
         heard = [(Kind.BREAKER_STATUS, NOBODY - Kind.BREAKER_STATUS if breaker is None else breaker)]
         heard += [(Kind.PILOT, partner) for partner in self.partners]
         heard += [(Kind.TRANSFER, partner) for partner in linked]
-        published = (Kind.TRIP, Kind.CLOSE, Kind.PILOT, *((Kind.TRANSFER,) if linked else ()))
+        self._kinds = kinds = published(bool(linked), back_trips)
         self._heard = np.zeros(1, HEARD)
         super().__init__(
             number,
-            [Publisher(kind, number, 0, start_ns, repetition) for kind in published],
+            [Publisher(kind, number, 0, start_ns, repetition) for kind in kinds],
             [
                 Subscriber(
                     through if kind != Kind.BREAKER_STATUS and other in linked else repetition,
@@ -119,16 +130,25 @@ class RelayNode(Node):
             relay=number,
             linked=len(linked),
         )
+        for key, kind in (("transfers", Kind.TRANSFER), ("back_trips", Kind.BREAKER_FAILURE)):
+            self.nodes.node[key] = kinds.index(kind) if kind in kinds else 0
 
     @property
     def shown_ns(self) -> int:
         """When it shows what the relay measures next."""
         return int(self.nodes.node["measurements"]["next_ns"][self.place])
 
-    def set(self, t_ns: int, trip: int, close: int, pilot: int, transfer: int = 0) -> None:
-        """The relay's outputs from `t_ns` on, each a mask of poles."""
-        for k, poles in enumerate((trip, close, pilot, *((transfer,) if self.linked else ()))):
-            set_state(self.publisher(k), poles, t_ns)
+    def set(self, t_ns: int, outputs: Outputs) -> None:
+        """The relay's outputs from `t_ns` on."""
+        masks = {
+            Kind.TRIP: outputs.trip_poles,
+            Kind.CLOSE: outputs.close_poles,
+            Kind.PILOT: outputs.pilot,
+            Kind.TRANSFER: outputs.transfer,
+            Kind.BREAKER_FAILURE: outputs.back_trip,
+        }
+        for k, kind in enumerate(self._kinds):
+            set_state(self.publisher(k), masks[kind], t_ns)
 
     def receive(self, t_ns: int, frame: Frame) -> bool:
         """Take a frame; True where the relay's inputs have changed."""

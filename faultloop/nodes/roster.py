@@ -9,7 +9,7 @@ from faultloop.io.can.table import Kind
 from faultloop.nodes.breaker import BreakerNode
 from faultloop.nodes.follower import BreakerFollower
 from faultloop.nodes.refusals import Report, unheard
-from faultloop.nodes.relay import RelayNode
+from faultloop.nodes.relay import RelayNode, published
 from faultloop.nodes.tables import BusTables
 
 
@@ -23,8 +23,8 @@ def seal(scenario: BusTables, start_ns: int = 0) -> Seal:
         return PLAIN
     senders = {
         kind + i: place.name
-        for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.TRANSFER)
         for i, place in enumerate(scenario.relay)
+        for kind in published(True, bool(place.back_trip))
     }
     senders |= {Kind.BREAKER_STATUS + i: breaker.name for i, breaker in enumerate(scenario.breaker)}
     keys = load_keys(path, dict.fromkeys(senders.values()))
@@ -56,15 +56,23 @@ def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, st
         start_ns=start_ns,
         confirmations=scenario.can.confirmations,
         linked=[numbers[name] for name in linked(scenario.channel, place.name)],
+        back_trips=bool(place.back_trip),
     )
+
+
+def commanders(scenario: BusTables, number: int) -> tuple[list[int], list[int]]:
+    """Numbers of the relays that may command a breaker, and of those that open it for another's failure."""
+    name = scenario.breaker[number].name
+    own = [i for i, place in enumerate(scenario.relay) if place.breaker == name]
+    return own, [i for i, place in enumerate(scenario.relay) if name in place.back_trip]
 
 
 def breaker_node(
     scenario: BusTables, number: int, closed: int, report: Report, *, start_ns: int = 0
 ) -> BreakerNode:
-    """The node of breaker `number`: every relay that names the breaker may command it."""
-    name = scenario.breaker[number].name
-    relays = [i for i, place in enumerate(scenario.relay) if place.breaker == name]
+    """The node of breaker `number`: every relay that names the breaker may command it, and one that
+    names it in ``back_trip`` opens it when its own has failed."""
+    relays, backed_up = commanders(scenario, number)
     return BreakerNode(
         number,
         relays,
@@ -74,6 +82,7 @@ def breaker_node(
         seal=seal(scenario, start_ns),
         start_ns=start_ns,
         confirmations=scenario.can.confirmations,
+        backed_up=backed_up,
     )
 
 

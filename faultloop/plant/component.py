@@ -132,6 +132,28 @@ class PlantTables(Table):
             if name is not None:
                 names = {item.name: item for item in getattr(self, table, ())}
                 known(name, names, table, f"relay[{place.name}].{table}")
+        breakers = {item.name: item for item in getattr(self, "breaker", ())}
+        for name in place.back_trip:
+            known(name, breakers, "breaker", f"relay[{place.name}].back_trip")
+            if name == place.breaker:
+                what = f"'{name}' is the breaker that fails; name those around it"
+                raise InputError(what, key=f"relay[{place.name}].back_trip")
+        if place.synchro_vt and not any(
+            (b.line, b.end) == (place.line, place.end) for b in breakers.values()
+        ):
+            what = (
+                f"there is no breaker at the '{place.end}' end of line '{place.line}', and so no other side"
+            )
+            raise InputError(what, key=f"relay[{place.name}].synchro_vt")
+        if place.parallel is not None:
+            self._check_parallel(place, place.parallel)
+
+    def _check_parallel(self, place: RelayPlace, name: str) -> None:
+        key = f"relay[{place.name}].parallel"
+        relays = {other.name: other for other in self.relay}
+        known(name, relays, "relay", key)
+        if relays[name].line == place.line:
+            raise InputError(f"'{name}' is on the same line; name the relay of the parallel one", key=key)
 
     def is_same_network(self, other: PlantTables) -> bool:
         """Whether a plant of ``other`` differs from that of these in nothing but what its switches do, and

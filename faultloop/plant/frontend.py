@@ -56,15 +56,20 @@ def front_ends(
     tables: PlantTables,
     bus: Sequence[int],
     terms: Sequence[Sequence[tuple[int, float]]],
+    others: Sequence[tuple[int, int]],
     rate: float,
 ) -> FrontEnds:
-    """Their constants.  ``bus`` and ``terms`` (row, sign) say where relay i measures; ``rate`` in steps/s."""
-    count = len(tables.relay)
-    settings = [relay.front_end or tables.front_end for relay in tables.relay]
+    """Their constants.  ``bus`` and ``terms`` (row, sign) say where relay i measures, ``others`` (relay,
+    row) the voltages of breakers' other sides, which pass a front end like that of their relay; ``rate`` in
+    steps/s."""
+    owners = [*tables.relay, *(tables.relay[i] for i, _ in others)]
+    bus, terms = [*bus, *(row for _, row in others)], [*terms, *([] for _ in others)]
+    count = len(owners)
+    settings = [relay.front_end or tables.front_end for relay in owners]
     lowpass = np.zeros((count, SECTIONS, 5))
     for i, s in enumerate(settings):
         if s.antialias_hz:
-            rows = _butterworth(s, rate, f"relay[{tables.relay[i].name}].front_end.antialias_hz")
+            rows = _butterworth(s, rate, f"relay[{owners[i].name}].front_end.antialias_hz")
             lowpass[i, : len(rows)] = rows
     sections = [s.antialias_order // 2 if s.antialias_hz else 0 for s in settings]
     cts = ct_constants(_named(tables, "ct", Ct), float(tables.system.frequency_hz), rate)

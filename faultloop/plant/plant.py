@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.place import measured_rows
 from faultloop.errors import InputError, nearest
 from faultloop.plant.advance import advance
 from faultloop.plant.breaker import Breaker
@@ -135,7 +136,7 @@ class Plant:
         net, front = _contiguous(self._model.network), _contiguous(front)
         self.parts = PlantParts(net, state, watch, front, switches)
         self._new = self.save()
-        self._samples = np.empty((0, len(tables.relay), 6))
+        self._samples = np.empty((0, measured_rows(tables.relay), 6))
         self.samples = self._samples
 
     def begin_again(self, tables: PlantTables) -> None:
@@ -168,7 +169,7 @@ class Plant:
         if n < 1:
             raise ValueError(f"advance needs n >= 1, not {n}")
         if len(self._samples) < n:
-            self._samples = np.empty((n, len(self.tables.relay), 6))
+            self._samples = np.empty((n, measured_rows(self.tables.relay), 6))
         control = self._control
         control["row"], control["wanted"], control["foresees"] = 0, n, 0
         m = advance(*self.parts, self._samples)
@@ -186,13 +187,13 @@ class Plant:
         return self.parts.switches.control[0]
 
     def history(self, n: int) -> NDArray[np.float64]:
-        """The ``n`` samples before sample 0, (n, relays, 6), of the steady state that the run begins in.
+        """The ``n`` samples before sample 0, (n, rows, 6), of the steady state that the run begins in.
 
         Systems that slip against each other do so from step 0 on: until then they stand as they do there, or
         the time before the run would hold a pole slip that never was.
         """
         steps = np.arange(-n, 0)[:, None, None] * self.steps_per_sample
-        values = np.zeros((n, len(self.tables.relay), 6))
+        values = np.zeros((n, measured_rows(self.tables.relay), 6))
         for angle, phasors in self._standing():
             values += (phasors * np.exp(1j * angle * steps)).real
         convert_block(self.parts.front, -n, values, values)
@@ -289,22 +290,24 @@ class Plant:
     def _front_ends(self) -> FrontEnds:
         """Where each relay's voltage and current come from."""
         circuit, row = self._model.circuit, self._model.row
-        bus, terms = [], []
-        for relay in self.tables.relay:
+        bus, terms, others = [], [], []
+        for number, relay in enumerate(self.tables.relay):
             line = self.tables.find(Line, relay.line, f"relay[{relay.name}].line")
-            at_bus = relay.voltage_at == "bus"
-            node = line.bus(relay.end) if at_bus else circuit.terminals[relay.line, relay.end]
-            bus.append(row[node])
+            nodes = [line.bus(relay.end), circuit.terminals[relay.line, relay.end]]
+            own, other = nodes if relay.voltage_at == "bus" else nodes[::-1]
+            bus.append(row[own])
             parts = circuit.terms[relay.line, relay.end]
             terms.append([(circuit.current_row(kind, i), sign) for kind, i, sign in parts])
-        return front_ends(self.tables, bus, terms, float(self._rate))
+            if relay.synchro_vt:
+                others.append((number, row[other]))
+        return front_ends(self.tables, bus, terms, others, float(self._rate))
 
     def _settle(self, steady: list[Steady], front: FrontEnds, state: State) -> None:
         """The state of an eternal run at step 0."""
         fill(self._model, steady, state)
         self._before: list[tuple[float, NDArray[np.complex128]]] = []
         for s in steady:
-            x = np.zeros((len(self.tables.relay), 6), dtype=complex)
+            x = np.zeros((len(front.bus), 6), dtype=complex)
             for i in range(len(x)):
                 x[i, :3] = s.v[front.bus[i]] * ROTATION
                 span = slice(front.pointer[i], front.pointer[i + 1])

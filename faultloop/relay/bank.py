@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from faultloop.relay.estimators import ROW
 from faultloop.relay.layout import CONSTANTS, STATE
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE
-from faultloop.relay.quantities import LOOPS
+from faultloop.relay.quantities import LOOPS, WIDE
 from faultloop.relay.relay import Relay
 
 NOTICES = 16
@@ -27,6 +27,8 @@ RELAY = np.dtype(
             "last",  # number of the last sample that it has decided on; -1: none yet
             "changed",  # samples at which a bit changed, since they were told
             "apart",  # 1: a function of the user's tells from a state that is its own, so at once
+            "across",  # row of the samples in which the voltages of its breaker's other side are; -1: none
+            "beside",  # and of the parallel line's relay
         )
     ]
 )
@@ -64,6 +66,8 @@ class Bank(NamedTuple):
     """(NOTICES,) STATE of the relay at that sample"""
     notices: NDArray[np.int64]
     """(1,) how many there are"""
+    wide: Floats
+    """(R, WIDE) the present sample of those that measure more than six channels"""
 
 
 def bank_of(relays: Sequence[Relay], rows: int) -> Bank:
@@ -88,6 +92,7 @@ def bank_of(relays: Sequence[Relay], rows: int) -> Bank:
         notice=np.zeros((NOTICES, 2), np.int64),
         told=np.zeros(NOTICES, STATE),
         notices=np.zeros(1, np.int64),
+        wide=np.zeros((count, WIDE)),
     )
     for i, relay in enumerate(relays):
         part = slice(i, i + 1)
@@ -99,7 +104,7 @@ def bank_of(relays: Sequence[Relay], rows: int) -> Bank:
             bank.estimator[bank.pointer[i] : bank.pointer[i + 1]],
         )
         relay.bank, relay.place = bank, i
-        bank.relay[i] = (relay.step_address, 0, 0, -1, 0, relay.tells_apart)
+        bank.relay[i] = (relay.step_address, 0, 0, -1, 0, relay.tells_apart, -1, -1)
     return bank
 
 
@@ -111,6 +116,6 @@ def _same_bank(relays: Sequence[Relay], rows: int) -> Bank | None:
     for i, relay in enumerate(relays):
         if relay.bank is not bank or relay.place != i:
             return None
-        bank.relay[i] = (relay.step_address, 0, 0, -1, 0, relay.tells_apart)
+        bank.relay[i] = (relay.step_address, 0, 0, -1, 0, relay.tells_apart, -1, -1)
     bank.notices[0] = 0
     return bank

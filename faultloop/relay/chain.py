@@ -46,7 +46,7 @@ def decide(
     Parameters
     ----------
     constants, state : records ``CONSTANTS``, ``STATE``, shape (1,).
-    samples : (n, 6).
+    samples : (n, 6), or (n, WIDE).
     phasors, loops : (n, 14) with their frequency, (n, 12).
     words : (n, 2) uint64, written: pickup and operate bits.
 

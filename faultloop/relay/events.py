@@ -33,12 +33,14 @@ class Event:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Output contacts: masks of poles to trip and to close, of the pilot signal, and to trip far away."""
+    """Output contacts: masks of poles to trip and to close, of the pilot signal, to trip far away, and of
+    the breakers around."""
 
     trip_poles: int = 0
     close_poles: int = 0
     pilot: int = 0
     transfer: int = 0
+    back_trip: int = 0
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.errors import InputError
+from faultloop.errors import InputError, nearest
 from faultloop.relay import quantities
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.element import ELEMENT
-from faultloop.relay.functions.function import Function
+from faultloop.relay.functions.function import BitsOf, Function
 from faultloop.relay.settings import RelaySettings
 from faultloop.relay.users import UserElement
 
@@ -99,8 +99,22 @@ def constants(settings: RelaySettings, settling_samples: int, places: Sequence[I
             function, table = ELEMENT, settings.element[place.number]
             values |= place.user.addresses
         c["count"][function.key] += 1
-        _fill(c[function.key][0, place.number], dict(function.values(settings, table)) | values)
+        own = {
+            key: _mask(value, settings, places) if isinstance(value, BitsOf) else value
+            for key, value in function.values(settings, table).items()
+        }
+        _fill(c[function.key][0, place.number], own | values)
     return c
+
+
+def _mask(wanted: BitsOf, settings: RelaySettings, places: Sequence[Instance]) -> int:
+    """Of the first bits of the instances.  Raises InputError for one that is not there."""
+    bits = {place.name: place.bit for place in places}
+    for name in wanted.names:
+        if name not in bits:
+            what = f"there is no function '{name}'; {nearest(name, bits)}"
+            raise InputError(what, file=settings.path, key=wanted.key)
+    return sum(1 << bits[name] for name in set(wanted.names))
 
 
 def _fill(record: np.void, values: dict[str, Any]) -> None:

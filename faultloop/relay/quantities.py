@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Record = Any
 """A NumPy structured scalar: inside a kernel its fields are attributes."""
 
+WIDE = 10
+"""Channels of a relay that also measures the breaker's other side and the parallel line: va vb vc ia ib ic,
+va vb vc there, 3 i0; NaN for what there is none of."""
 LOOPS = ("AG", "BG", "CG", "AB", "BC", "CA")
 FAULTS = ("", *LOOPS, "ABC")
 THREE_PHASE = 7
@@ -90,6 +93,8 @@ QUANTITIES = np.dtype(
         ("rocof", "f8"),  # [Hz/s]
         ("loops", "f8", (12,)),  # r and x of AG BG CG AB BC CA [ohm]; NaN where not defined
         ("sample", "f8", (6,)),  # va vb vc ia ib ic, instantaneous
+        ("across", "f8", (3,)),  # va vb vc of the breaker's other side; NaN: there is none
+        ("beside", "f8"),  # 3 i0 of the parallel line; NaN: there is none
         ("recent", RECENT),  # the samples of the last cycle and a half
         ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
@@ -127,11 +132,15 @@ QUANTITIES = np.dtype(
         ("inside", "i8"),  # * PDIS: the fault is inside a zone, started or not yet
         ("started", "i8"),  # * any function has started
         ("request", REQUEST),  # * the first wish of this sample to trip
+        ("release", "i8"),  # RSYN: 1 three poles may be closed, -1 it has no second voltage
+        ("three_pole", "i8"),  # RREC: every trip is three-pole
+        ("rests", "i8"),  # RREC: mask of distance zones that rest while no reclosing would follow
         # outputs; OUTPUTS names them
         ("poles", "i8"),  # PTRC: mask of poles to trip
         ("close_poles", "i8"),  # mask of poles to close
         ("pilot", "i8"),  # * mask of poles of the pilot signal to the far end
         ("transfer", "i8"),  # * mask of poles to trip at the far end
+        ("back_trip", "i8"),  # RBRF: mask of poles that the breakers around are to open
         ("notices", "i8"),  # something to tell has happened; counts on
         ("changed", "i8"),  # samples of this block at which a bit changed
         ("held", "i8"),  # a trip stood when the sample came
@@ -145,7 +154,7 @@ QUANTITIES = np.dtype(
 
 INPUTS = ("closed", "received", "received_all", "transferred", "linked")
 """Neighbouring fields, as are these:"""
-OUTPUTS = ("poles", "close_poles", "pilot", "transfer", "notices", "changed")
+OUTPUTS = ("poles", "close_poles", "pilot", "transfer", "back_trip", "notices", "changed")
 
 
 def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
@@ -200,6 +209,7 @@ def clear(q: NDArray[np.void]) -> None:
     """The quantities of a relay that has seen nothing."""
     q["closed"] = q["was_closed"] = 7
     q["linked"] = 1  # until something is missed
+    q["across"] = q["beside"] = np.nan
 
 
 @njit
@@ -270,6 +280,10 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
         q.x[k] = complex(row[2 * k], row[2 * k + 1])
     turn = nominal_turn(g, q.memory.seen)
     recent.instantaneous(sample, q.x, turn, q.sample)
+    wide = sample.shape[0] == WIDE
+    for k in range(3):
+        q.across[k] = sample[6 + k] if wide else np.nan
+    q.beside = sample[9] if wide else np.nan
     recent.keep(g, q.recent, q.sample)
     for k in range(12):
         q.loops[k] = loops[k]
@@ -308,7 +322,7 @@ def forget(q: Record) -> None:
     """Clear what the functions publish afresh at every sample."""
     q.held = q.poles != 0
     q.blocked_loops = 0
-    q.blocked_zones = 0
+    q.blocked_zones = q.rests
     q.was_started = q.zone_started
     q.zone_started = 0
     q.inside = 0

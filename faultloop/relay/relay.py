@@ -19,7 +19,7 @@ from faultloop.relay.estimators import ROW, Estimator, build_estimator, estimato
 from faultloop.relay.events import Event, Names, Outputs
 from faultloop.relay.functions.function import Polygon
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
-from faultloop.relay.quantities import INPUTS, LOOPS, OUTPUTS
+from faultloop.relay.quantities import INPUTS, LOOPS, OUTPUTS, WIDE
 from faultloop.relay.settings import RelaySettings
 from faultloop.relay.step import block_runner, step_address
 from faultloop.relay.texts import change_texts
@@ -98,7 +98,7 @@ class Relay:
     @property
     def outputs(self) -> Outputs:
         """The outputs at the last sample done."""
-        return Outputs(*self._outputs[:4].tolist())
+        return Outputs(*self._outputs[:5].tolist())
 
     @property
     def fault_location(self) -> float:
@@ -116,13 +116,14 @@ class Relay:
         return self._polygons
 
     def advance(self, samples: Array) -> int:
-        """Run over ``samples`` (n, 6), volts and amperes primary, instantaneous.
+        """Run over ``samples`` (n, 6), volts and amperes primary, instantaneous; or (n, 10) with the voltages
+        of the breaker's other side and the parallel line's 3 i0, NaN for what there is none of.
 
         Stops after the first sample at which an output changed and returns the number m of samples done,
         1 <= m <= n.  The results do not depend on how the samples are cut into blocks.
         """
-        if samples.ndim != 2 or samples.shape[1] != 6 or len(samples) == 0:
-            raise ValueError(f"samples must be (n, 6) with n >= 1, not {samples.shape}")
+        if samples.ndim != 2 or samples.shape[1] not in (6, WIDE) or len(samples) == 0:
+            raise ValueError(f"samples must be (n, 6) or (n, {WIDE}) with n >= 1, not {samples.shape}")
         samples = np.ascontiguousarray(samples, np.float64)
         self._reserve(len(samples))
         self.set_inputs(self.inputs)
@@ -130,7 +131,7 @@ class Relay:
         done = self._run(samples)
         if done < len(samples):  # what runs ahead of the decision goes back and follows it
             self._restore_ahead(before)
-            self.estimate(samples[:done], self._phasors[:done], self._loops[:done])
+            self.estimate(_six(samples[:done]), self._phasors[:done], self._loops[:done])
         self.phasors, self.loops = self._phasors[:done], self._loops[:done]
         self.pickup, self.operate = self._words[:done, 0], self._words[:done, 1]
         self._tell(done)
@@ -138,7 +139,8 @@ class Relay:
         return done
 
     def warm_up(self, samples: Array) -> None:
-        """Run over the samples (n, 6) before sample 0: the relay has been in service when a run begins.
+        """Run over the samples, as `advance` has them, before sample 0: the relay has been in service when a
+        run begins.
 
         ``n`` must be whole cycles, as the phasors' reference begins with the first sample that a relay sees.
         A trip that stands at the end is none of the run's: the relay then begins with empty filters.
@@ -249,7 +251,7 @@ class Relay:
     def _run(self, samples: Array) -> int:
         n = len(samples)
         phasors, loops, words = self._phasors[:n], self._loops[:n], self._words[:n]
-        self.estimate(samples, phasors, loops)
+        self.estimate(_six(samples), phasors, loops)
         done = decide(self._constants, self._state, samples, phasors, loops, words)
         self.check_elements()
         return done
@@ -292,6 +294,11 @@ class Relay:
                 events += tell(names, last, now)
             self._telling[instance] = now.copy()
         return events
+
+
+def _six(samples: Array) -> Array:
+    """The channels that the estimator sees."""
+    return samples if samples.shape[1] == 6 else np.ascontiguousarray(samples[:, :6])
 
 
 def _estimator(settings: RelaySettings) -> Estimator:

@@ -244,6 +244,7 @@ _DECODERS = {
     Kind.CLOSE: _decode_state,
     Kind.PILOT: _decode_state,
     Kind.TRANSFER: _decode_state,
+    Kind.BREAKER_FAILURE: _decode_state,
     Kind.BREAKER_STATUS: _decode_state,
     Kind.SAMPLED_VALUES: _decode_sampled_values,
     Kind.MEASUREMENTS: _decode_measurements,

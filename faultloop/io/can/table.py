@@ -28,13 +28,16 @@ class Kind(IntEnum):
     CLOSE = 0x020
     PILOT = 0x030
     TRANSFER = 0x060
+    BREAKER_FAILURE = 0x070
     BREAKER_STATUS = 0x100
     SAMPLED_VALUES = 0x180
     MEASUREMENTS = 0x300
     HEARTBEAT = 0x700
 
 
-STATE_KINDS = (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.TRANSFER, Kind.BREAKER_STATUS)
+STATE_KINDS = (
+    Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.TRANSFER, Kind.BREAKER_FAILURE, Kind.BREAKER_STATUS,
+)  # fmt: skip
 
 
 class Alarm(IntFlag):
@@ -109,6 +112,11 @@ MESSAGES = (
         Kind.TRANSFER, RELAYS, "RELAY", 8, False,
         "Direct transfer trip to the relays that a [[channel]] links. Repeated as GOOSE repeats.",
         _protected("1: trip this pole"),
+    ),
+    MessageType(
+        Kind.BREAKER_FAILURE, RELAYS, "RELAY", 8, False,
+        "Its own breaker has failed: opens the poles of the breakers around. Repeated as GOOSE repeats.",
+        _protected("1: open this pole"),
     ),
     MessageType(
         Kind.BREAKER_STATUS, BREAKERS, "BREAKER", 8, False,

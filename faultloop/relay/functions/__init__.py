@@ -21,12 +21,14 @@ from faultloop.relay.functions.rbrf import RBRF
 from faultloop.relay.functions.rdir import RDIR
 from faultloop.relay.functions.rflo import RFLO
 from faultloop.relay.functions.rpsb import RPSB
+from faultloop.relay.functions.rrec import RREC
+from faultloop.relay.functions.rsyn import RSYN
 from faultloop.relay.functions.tvtr import TVTR
 from faultloop.relay.functions.zload import ZLOAD
 
 FUNCTIONS: tuple[Function, ...] = (
     *(TVTR, RPSB, PHS, ZLOAD, RDIR, PDIS, PSOF, PSCH),
     *(PIOC, PTOC, PTUV, PTOV, PTUF, PTOF, PFRC, ELEMENT),
-    *(RBRF, PTRC, RFLO, LPHD),
+    *(RSYN, RBRF, PTRC, RREC, RFLO, LPHD),
 )
 """In the order in which a sample goes through them."""

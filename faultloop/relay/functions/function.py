@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,14 @@ if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
 Polygon = NDArray[np.float64]
+
+
+class BitsOf(NamedTuple):
+    """A constant that is the mask of the first bits of these instances, which only the whole relay knows."""
+
+    names: tuple[str, ...]
+    key: str
+    """In the settings, where they are from."""
 
 
 def no_constants(settings: RelaySettings, table: Any) -> Mapping[str, Any]:
@@ -46,7 +54,8 @@ class Function:
         state.
     constants : fields of ``c``.  ``bit`` (where the first of its bits is) and ``number`` (of the instance,
         from 0) are added in front.
-    values : ``values(settings, table) -> {field: value}``, in primary values and samples.
+    values : ``values(settings, table) -> {field: value}``, in primary values and samples; `BitsOf` for a mask
+        of bits.
     state : fields of ``w``; all zero at the start but for ``start``.
     start : first values of state fields that are not zero.
     most : the greatest number of instances.

@@ -59,10 +59,11 @@ def poles_for(q: Record, c: Record, w: Record) -> int:
     """Poles to trip for the fault of this sample's request.
 
     One pole only in single-pole mode, for a one-phase fault, with all poles closed and no other pole
-    tripped; everything else - a fault that grows, a second fault while a pole is open - is three poles.
+    tripped; everything else - a fault that grows, a second fault while a pole is open, one after which no
+    pole alone would be closed again - is three poles.
     """
     fault = q.request.fault
-    if c.single_pole and 1 <= fault <= 3 and q.closed == 7 and not q.request.three_pole:
+    if c.single_pole and 1 <= fault <= 3 and q.closed == 7 and not (q.request.three_pole or q.three_pole):
         pole = 1 << (fault - 1)
         if w.poles == 0 or w.poles == pole:
             return pole

@@ -1,7 +1,8 @@
 """RBRF: breaker failure.
 
 A trip of the relay's own starts it, pole by pole.  After ``retrip_ms`` all three poles are tripped once more
-(``RBRF1.OpIn``); after ``backup_ms``, if current still flows, the breakers around must open (``RBRF1.OpEx``).
+(``RBRF1.OpIn``); after ``backup_ms``, if current still flows, the breakers around must open
+(``RBRF1.OpEx``): those that the relay's ``back_trip`` names are told so over the bus.
 
 What counts is how soon the detector sees that the current is gone.  A phasor keeps it for a filter's
 length; and when a saturated current transformer's primary current is cut its flux drives on a current that
@@ -102,6 +103,10 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         w.count += 1
         q.notices += 1
     w.pulse = c.pulse if failed else max(w.pulse - 1, 0)
+    told = q.back_trip
+    q.back_trip = 7 if w.pulse else 0
+    if told and not q.back_trip:
+        q.notices += 1
     indicate(q, c.bit, oldest > 0)
     q.operate |= np.uint64(retrip) << np.uint64(c.bit + 1)
     q.operate |= np.uint64(w.pulse > 0 or failed != 0) << np.uint64(c.bit + 2)
