@@ -11,7 +11,8 @@ import typer
 
 def command(
     name: Annotated[
-        str, typer.Argument(metavar="bus|distance|estimators|synchrophasor|seeds", help="Which suite.")
+        str,
+        typer.Argument(metavar="bus|distance|estimators|functions|seeds|synchrophasor", help="Which suite."),
     ],
     parts: Annotated[
         list[str] | None, typer.Argument(metavar="[PART]...", help="Only these parts of it.")

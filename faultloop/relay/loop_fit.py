@@ -37,10 +37,11 @@ BEHIND = (0.1, 0.27, 0.25)
 
 @njit
 def loop_values(r: Record, back: int, loop: int) -> tuple[float, float, float]:
-    """v, i and the residual current (of a ground loop) ``back`` values ago."""
+    """v, i and the residual current (of a ground loop), with the parallel line's part of it, ``back`` values
+    ago."""
     x = r.value[(r.head - back) % LENGTH]
     if loop < 3:
-        return x[loop], x[3 + loop], x[3] + x[4] + x[5]
+        return x[loop], x[3 + loop], x[3] + x[4] + x[5] + r.mutual * x[6]
     first, second = FIRST[loop], SECOND[loop]
     return x[first] - x[second], x[3 + first] - x[3 + second], 0.0
 

@@ -43,6 +43,8 @@ FADE_MS = 100.0
 DEFAULT_CURRENT_A = 20.0
 LIKE_A_FAULT = 1.5
 AT_ITS_ANGLE = 0.8
+SHARE = 0.85
+"""Of the parallel line's residual current the own one must be above, or it is the healthy line's."""
 GONE = 0.05
 """A current is gone whose samples are below this part of its phasor."""
 
@@ -61,6 +63,8 @@ CONSTANTS = np.dtype(
         ("turn_per_value", "f8"),  # [rad]
         ("z1", "c16"),  # of the line [ohm]
         ("z0", "c16"),
+        ("mutual", "c16"),  # z0m / (3 z1) with the parallel line; 0: not compensated
+        ("mutual_in_time", "f8"),  # z0m / (z0 - z1), of which the small imaginary part is left out
         ("minimum_voltage", "f8"),  # phase to ground; below it a line is dead [V]
         ("minimum_current", "f8"),  # below it a loop's impedance is not defined [A]
         ("minimum_unbalance", "f8"),  # of I2 or I0 over I1
@@ -95,6 +99,7 @@ QUANTITIES = np.dtype(
         ("sample", "f8", (6,)),  # va vb vc ia ib ic, instantaneous
         ("across", "f8", (3,)),  # va vb vc of the breaker's other side; NaN: there is none
         ("beside", "f8"),  # 3 i0 of the parallel line; NaN: there is none
+        ("mutual", "c16"),  # what it adds to the current of a ground loop
         ("recent", RECENT),  # the samples of the last cycle and a half
         ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
@@ -178,6 +183,8 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "turn_per_value": 2 * math.pi * stride / cycle,
         "z1": settings.z1_ohm,
         "z0": settings.z0_ohm,
+        "mutual": settings.z0m_ohm / (3 * settings.z1_ohm),
+        "mutual_in_time": _mutual_in_time(settings),
         "minimum_voltage": _minimum_voltage(settings),
         "minimum_current": _minimum_current(settings),
         "minimum_unbalance": rdir.minimum_unbalance,
@@ -189,6 +196,12 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "memory": settings.samples(rdir.memory_ms),
         "fade": max(settings.samples(FADE_MS), 1),
     }
+
+
+def _mutual_in_time(settings: RelaySettings) -> float:
+    """Of the parallel line's residual current, beside the own one."""
+    z0m = settings.z0m_ohm
+    return (z0m / (settings.z0_ohm - settings.z1_ohm)).real if z0m else 0.0
 
 
 def _minimum_voltage(settings: RelaySettings) -> float:
@@ -274,6 +287,16 @@ def watch_breaker(g: Record, q: Record) -> bool:
 
 
 @njit
+def compensate(g: Record, q: Record) -> None:
+    """What the parallel line's residual current adds to a ground loop's: nothing on the healthy one of two
+    lines, whose own is the smaller one; it would look for the fault nearer than it is."""
+    beside, own = size2(q.recent.beside), 9 * size2(q.sequence[3])
+    counts = abs(g.mutual) > 0.0 and own > SHARE**2 * beside
+    q.mutual = g.mutual * q.recent.beside if counts else complex(0.0, 0.0)
+    q.recent.mutual = g.mutual_in_time if counts else 0.0
+
+
+@njit
 def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -> None:
     """Before the functions: what was measured, the memory, the change against it; publications cleared."""
     for k in range(6):
@@ -284,12 +307,13 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     for k in range(3):
         q.across[k] = sample[6 + k] if wide else np.nan
     q.beside = sample[9] if wide else np.nan
-    recent.keep(g, q.recent, q.sample)
+    recent.keep(g, q.recent, q.sample, q.beside, turn)
     for k in range(12):
         q.loops[k] = loops[k]
     q.frequency = row[12]
     q.rocof = row[13]
     sequences(q.x, q.sequence)
+    compensate(g, q)
     q.sound = q.memory.ready or is_sound(g, q)
     ready = memory.remember(g, q.memory, q.x, q.frequency, q.sound)
     q.settled = q.memory.seen > g.settled

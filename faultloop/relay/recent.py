@@ -5,6 +5,7 @@ At most 128 values a cycle are kept: above that sampling rate each is the mean o
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any
 
@@ -21,10 +22,12 @@ SQRT2 = math.sqrt(2.0)
 
 RECENT = np.dtype(
     [
-        ("value", "f8", (LENGTH, 6)),  # va vb vc ia ib ic
+        ("value", "f8", (LENGTH, 7)),  # va vb vc ia ib ic, 3 i0 of the parallel line
         ("head", "i8"),  # the newest
-        ("sum", "f8", (6,)),  # of the samples towards the next
+        ("sum", "f8", (7,)),  # of the samples towards the next
         ("count", "i8"),
+        ("mutual", "f8"),  # what of the parallel line's counts with 3 i0 in a ground loop; 0: nothing
+        ("beside", "c16"),  # phasor of the parallel line's, over the last cycle [A RMS]
     ],
     align=True,
 )
@@ -43,18 +46,24 @@ def instantaneous(sample: NDArray, x: NDArray, turn: complex, out: NDArray) -> N
 
 
 @njit
-def keep(g: Record, r: Record, sample: NDArray) -> None:
-    """Take a sample in."""
+def keep(g: Record, r: Record, sample: NDArray, beside: float, turn: complex) -> None:
+    """Take a sample in, and that of the parallel line's 3 i0 (NaN: none); ``turn`` = e^(j w0 t)."""
     for k in range(6):
         r.sum[k] += sample[k]
+    if not np.isnan(beside):
+        r.sum[6] += beside
     r.count += 1
     if r.count < g.stride:
         return
     r.count = 0
     r.head = (r.head + 1) % LENGTH
-    for k in range(6):
+    for k in range(7):
         r.value[r.head, k] = r.sum[k] / g.stride
         r.sum[k] = 0.0
+    if not np.isnan(beside):
+        new, old = r.value[r.head, 6], r.value[(r.head - g.values) % LENGTH, 6]
+        back = cmath.rect(1.0, g.turn_per_value * g.values)
+        r.beside += SQRT2 / g.values * (new - old * back) * turn.conjugate()
 
 
 @njit

@@ -78,6 +78,9 @@ class LineSettings(Table):
     """Positive-sequence impedance, [r, x]."""
     z0_ohm: ComplexOhm
     """Zero-sequence impedance, [r, x]."""
+    z0m_ohm: ComplexOhm | None = None
+    """Zero-sequence mutual impedance with the parallel line over the whole length, [r, x].  With it, and with
+    the parallel line's residual current (``parallel`` of the relay's place), ground loops are compensated."""
     length_km: Positive | None = None
     """With it a fault's location is told in km, too."""
 
@@ -86,6 +89,13 @@ class LineSettings(Table):
         for key, (r, x) in (("z1_ohm", self.z1_ohm), ("z0_ohm", self.z0_ohm)):
             if r < 0 or x <= 0:
                 raise ValueError(f"{key} must be [r, x] with r >= 0 and x > 0, not [{r:g}, {x:g}]")
+        if self.z0m_ohm is not None:
+            r, x = self.z0m_ohm
+            if r < 0 or not 0 < x < self.z0_ohm[1]:
+                must = "must be [r, x] with r >= 0 and x > 0 below that of z0_ohm"
+                raise ValueError(f"z0m_ohm {must}, not [{r:g}, {x:g}]")
+            if self.z0_ohm[1] <= self.z1_ohm[1]:
+                raise ValueError("z0m_ohm needs a z0_ohm above z1_ohm")
         return self
 
 
@@ -155,6 +165,11 @@ class RelaySettings(Tables):
     def z0_ohm(self) -> complex:
         """Zero-sequence impedance of the whole line, primary [ohm]."""
         return complex(*self.line.z0_ohm) * self.ohm_ratio
+
+    @property
+    def z0m_ohm(self) -> complex:
+        """Zero-sequence mutual impedance with the parallel line, primary [ohm]; 0 where it does not count."""
+        return 0j if self.line.z0m_ohm is None else complex(*self.line.z0m_ohm) * self.ohm_ratio
 
     @property
     def residual_compensation_factor(self) -> complex:

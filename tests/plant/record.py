@@ -2,21 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from faultloop.plant import Plant
+from faultloop.study.suites.functions.two_ended import record
 
-from faultloop.plant import Change, Plant
-
-
-def record(plant: Plant, count: int, block: int = 10**6) -> tuple[NDArray[np.float64], list[Change]]:
-    """The next ``count`` samples (count, relays, 6), and what changed in them."""
-    samples: list[NDArray[np.float64]] = []
-    changes: list[Change] = []
-    while (done := sum(map(len, samples))) < count:
-        plant.advance(min(block, count - done))
-        samples.append(plant.samples.copy())
-        changes += plant.changes
-    return np.concatenate(samples), changes
+__all__ = ["now_ns", "record"]
 
 
 def now_ns(plant: Plant) -> int:

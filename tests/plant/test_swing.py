@@ -10,8 +10,8 @@ import pytest
 from faultloop.errors import InputError
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from faultloop.study.suites.functions.plant_checks import between_two
 from tests.examples import scenario
-from tests.plant.checks import between_two
 from tests.plant.record import record
 from tests.plant.reference import build, network
 

@@ -242,7 +242,7 @@ def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: comple
 def depth(g: Record, q: Record, c: Record, loop: int) -> float:
     """How deep the fault is in the zone by one loop: m, or OUTSIDE."""
     v = loop_voltage(q.x, loop)
-    i = loop_current(q.x, loop, c.k0)
+    i = loop_current(q.x, loop, c.k0) + (q.mutual if loop < 3 else 0.0)
     if size2(i) < c.minimum_current**2:
         return OUTSIDE
     if loop < 3 and size2(q.x[3] + q.x[4] + q.x[5]) < c.minimum_residual**2:

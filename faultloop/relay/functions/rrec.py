@@ -60,7 +60,8 @@ class Rrec(Table):
     """So long after closing a trip counts as the same fault; and so long the breaker must be closed to be
     ready again."""
     starts: tuple[str, ...] | None = Field(default=None, strict=False)
-    """Functions after whose trip is reclosed, such as ["PDIS1"]; the zones without delay where not given."""
+    """Functions after whose trip is reclosed, such as ["PDIS1"]; the zones without delay and the pilot
+    scheme where not given."""
     open_wait_ms: Milliseconds = 300.0
     """From the trip: the breaker must say that it is open."""
     close_pulse_ms: Milliseconds = 200.0
@@ -76,11 +77,12 @@ def starters(settings: RelaySettings, table: Rrec) -> tuple[str, ...]:
     """Names of the functions after whose trip is reclosed."""
     if table.starts is not None:
         return table.starts
-    return tuple(
+    zones = (
         f"PDIS{place}"
         for place, zone in enumerate(settings.pdis, 1)
         if zone.delay_ms == 0 and not zone.delay_phase_ms and not zone.delay_ground_ms
     )
+    return (*zones, *(("PSCH1",) if settings.psch is not None else ()))
 
 
 def values(settings: RelaySettings, table: Rrec) -> dict[str, Any]:

@@ -1,9 +1,9 @@
 """RSYN: synchrocheck, before three poles are closed.
 
 The relay's own voltage is on one side of the breaker, ``[[relay]] synchro_vt`` gives it that of the other.
-Phase A of both passes the same filter: turned by e^(-j w0 t) and smoothed by three first-order stages.  What
-it leaves at twice the frequency is a ripple, so the slip is taken over whole cycles, of the angle between the
-two.
+All of them pass the same filter: turned by e^(-j w0 t) and smoothed by three first-order stages.  What it
+leaves at twice the frequency is a ripple, so the slip is taken over whole cycles, of the angle between the
+two phases A.  A side is live or dead by all three phases.
 
 Released is what holds for ``hold_ms``: both live, and differing by less than the limits in magnitude,
 frequency, and angle (where it will be when the contacts make); or one side dead where that is allowed.
@@ -12,16 +12,18 @@ frequency, and angle (where it will be when the contacts make); or one side dead
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from faultloop.config.tables import Milliseconds, Positive, Table
 from faultloop.errors import InputError
 from faultloop.jit import njit
+from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
-from faultloop.relay.memory import size2
 from faultloop.relay.quantities import Record, indicate, nominal_turn
 
 if TYPE_CHECKING:
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
 SMOOTHING_CYCLES = 1.0
 """Time constant of each of the three stages: a tenth is left of a step after 5.3 cycles, 1 in 2000 of 2 f."""
 SLIP_CYCLES = 5
+STAGES = 3
+IN_STEP = 8
+CAUSES = {1: "the line is dead", 2: "the bus is dead", 4: "both sides are dead"}
 ENERGISES = {"none": 0, "line": 1, "bus": 2, "either": 3, "both": 7}
 
 
@@ -88,12 +93,24 @@ def check(settings: RelaySettings) -> None:
 
 
 @njit
-def smooth(c: Record, w: Record, side: int, value: complex) -> complex:
-    """The phasor of one side, RMS."""
-    for stage in range(3):
-        w.stage[side, stage] += (1 - c.keeps) * (value - w.stage[side, stage])
-        value = w.stage[side, stage]
-    return value
+def smooth(c: Record, w: Record, side: int, values: NDArray, turn: complex) -> None:
+    """The phasors of one side, RMS: the last stage."""
+    for phase in range(3):
+        value = values[phase] * turn
+        for stage in range(STAGES):
+            w.stage[side, phase, stage] += (1 - c.keeps) * (value - w.stage[side, phase, stage])
+            value = w.stage[side, phase, stage]
+
+
+@njit
+def ends(w: Record, side: int) -> tuple[float, float]:
+    """Least and greatest of a side's three magnitudes."""
+    a, b, c = (
+        abs(w.stage[side, 0, STAGES - 1]),
+        abs(w.stage[side, 1, STAGES - 1]),
+        abs(w.stage[side, 2, STAGES - 1]),
+    )
+    return min(a, b, c), max(a, b, c)
 
 
 @njit
@@ -111,41 +128,59 @@ def slip(g: Record, w: Record, between: complex) -> float:
 
 
 @njit
-def energised(c: Record, own: float, other: float) -> bool:
-    """Whether one side, or both, is dead and that is allowed."""
-    line, bus = (own, other) if c.own_is_line else (other, own)
-    if line < c.dead and bus < c.dead:
-        return c.energises & 4 != 0
-    if line < c.dead and bus > c.live:
-        return c.energises & 1 != 0
-    return bus < c.dead and line > c.live and c.energises & 2 != 0
+def energises(c: Record, line: tuple[float, float], bus: tuple[float, float]) -> int:
+    """Which side is dead, or both, where that is allowed: one of `ENERGISES`; else 0."""
+    if line[1] < c.dead and bus[1] < c.dead:
+        return c.energises & 4
+    if line[1] < c.dead and bus[0] > c.live:
+        return c.energises & 1
+    return c.energises & 2 if bus[1] < c.dead and line[0] > c.live else 0
 
 
 @njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample."""
-    q.release = 0
     if np.isnan(q.across[0]):  # there is none
         q.release = -1
         w.age = 0
         return
     turn = math.sqrt(2.0) * nominal_turn(g, q.memory.seen).conjugate()
-    own = smooth(c, w, 0, q.sample[0] * turn)
-    other = smooth(c, w, 1, q.across[0] * turn)
+    smooth(c, w, 0, q.sample, turn)
+    smooth(c, w, 1, q.across, turn)
+    own, other = w.stage[0, 0, STAGES - 1], w.stage[1, 0, STAGES - 1]
     between = own * other.conjugate()
     rate = slip(g, w, between)
-    a, b = math.sqrt(size2(own)), math.sqrt(size2(other))
     angle = math.degrees(math.atan2(between.imag, between.real)) + 360 * rate * c.close_s
     angle = (angle + 180) % 360 - 180
-    live = a > c.live and b > c.live
-    differs, turned, slips = abs(a - b) > c.difference, abs(angle) > c.angle, abs(rate) > c.slip
-    good = (live and not (differs or turned or slips)) or energised(c, a, b)
-    w.age = w.age + 1 if good else 0
-    q.release = w.age > c.hold
-    indicate(q, c.bit, q.release)
+    one, two = ends(w, 0), ends(w, 1)
+    live = one[0] > c.live and two[0] > c.live
+    difference = abs(abs(own) - abs(other))
+    differs, turned, slips = difference > c.difference, abs(angle) > c.angle, abs(rate) > c.slip
+    dead = energises(c, one, two) if c.own_is_line else energises(c, two, one)
+    why = dead if dead else IN_STEP if live and not (differs or turned or slips) else 0
+    w.age = w.age + 1 if why != 0 and why == w.why else 0
+    w.why = why
+    released = w.age > c.hold
+    if released != (q.release > 0):
+        w.angle = angle
+        w.count += 1
+        q.notices += 1
+    q.release = released
+    indicate(q, c.bit, released)
     indicate(q, c.bit + 1, live and differs)
     indicate(q, c.bit + 2, live and turned)
     indicate(q, c.bit + 3, live and slips)
+
+
+def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
+    """The release and its cause, and its end."""
+    if now["count"] != was["count"]:
+        why = int(now["why"])
+        if not why:
+            yield Event(names.sample, "info", "RSYN1 Rel reset")
+        else:
+            text = f"in step, {now['angle']:.0f} degrees" if why == IN_STEP else CAUSES[why]
+            yield Event(names.sample, "info", f"RSYN1 Rel: {text}")
 
 
 RSYN = Function(
@@ -166,13 +201,18 @@ RSYN = Function(
     ),
     values=values,
     state=(
-        ("stage", "c16", (2, 3)),
+        ("stage", "c16", (2, 3, STAGES)),  # side, phase
         ("before", "c16", (SLIP_CYCLES,)),  # product of the two phasors, a cycle apart
         ("place", "i8"),
         ("tick", "i8"),
         ("slip", "f8"),
         ("age", "i8"),
+        ("why", "i8"),  # it may be closed
+        ("angle", "f8"),  # at the release [degrees]
+        ("count", "i8"),
     ),
     bits=("Rel", "VInd", "AngInd", "HzInd"),
+    told=False,  # the release is
+    tell=tell,
     check=check,
 )

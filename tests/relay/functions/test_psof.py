@@ -29,7 +29,7 @@ def energised(
     samples = np.real(
         turn * k.q["x"] + harmonic * turn**2 * np.concatenate([np.zeros(3), current_a * TURN.conj()])
     )
-    k.q["recent"]["value"], k.q["recent"]["head"] = np.sqrt(2) * samples, LENGTH - 1
+    k.q["recent"]["value"][:, :6], k.q["recent"]["head"] = np.sqrt(2) * samples, LENGTH - 1
 
 
 def dead_line(samples: int = 960, **table: Any) -> Kernel:

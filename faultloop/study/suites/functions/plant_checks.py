@@ -1,4 +1,4 @@
-"""What the tables in ``validation/`` are checked with: each from a case's input to named numbers.
+"""What the components' tables in ``cases/`` are checked with: each from a case's input to named numbers.
 
 Nothing here knows an expected value; a check drives the plant, or one component's kernel, and measures.
 """
@@ -16,8 +16,17 @@ from faultloop.jit import njit
 from faultloop.plant import Plant
 from faultloop.plant.ct import FLUX, Ct, core_constants, core_step
 from faultloop.plant.vt import MODES, Vt, settle_vt, vt_constants, vt_step
-from tests.plant.record import record
-from tests.plant.reference import BASE_KV, KM, LINE, SOURCES, A, build, network, phasors
+from faultloop.study.suites.functions.two_ended import (
+    BASE_KV,
+    KM,
+    LINE,
+    SOURCES,
+    A,
+    build,
+    network,
+    phasors,
+    record,
+)
 
 Case = dict[str, Any]
 Floats = NDArray[np.float64]
