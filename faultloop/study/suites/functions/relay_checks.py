@@ -82,8 +82,8 @@ def load_borders(given: Case) -> Case:
 
 def curve(given: Case) -> Case:
     """Seconds of the kernel fed with M, with a time multiplier that makes a quarter of a second of it, over
-    that (of its equation where the least multiplier still makes more than `LONGEST_S`); of the way back by the
-    equation."""
+    that (of its equation where the least multiplier still makes more than `LONGEST_S`); of the way back by
+    the equation."""
     times = []
     for multiple in MULTIPLES:
         whole = equation(given["curve"])[0](multiple)
@@ -94,9 +94,9 @@ def curve(given: Case) -> Case:
 
 
 def equation(name: str) -> tuple[Callable[[float], float], Callable[[float], float]]:
-    """Of a curve, as the kernel has it, at a time multiplier of 1: times [s] to operate and of the way back."""
+    """Of a curve, as the kernel has it, without a multiplier: times [s] to operate and of the way back."""
     c = Kernel(PTOC, {"pickup_a": AMPERES, "curve": name}).c
-    return partial(ptoc.operating_time.py_func, c), partial(ptoc.reset_time.py_func, c)
+    return partial(ptoc.operating_time, c), partial(ptoc.reset_time, c)
 
 
 def disc(given: Case) -> Case:
