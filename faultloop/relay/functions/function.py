@@ -73,7 +73,7 @@ class Function:
     name: str
     settings: type[Table]
     step: Callable[..., None]
-    constants: tuple[tuple[str, str], ...] = ()
+    constants: tuple[tuple[Any, ...], ...] = ()
     values: Callable[[RelaySettings, Any], Mapping[str, Any]] = no_constants
     state: tuple[tuple[Any, ...], ...] = ()
     start: Mapping[str, Any] | None = None

@@ -49,6 +49,7 @@ def run(parts: Sequence[str], *, quick: bool, progress: Callable[[float], Any]) 
 
 def fill(report: Report, rows: Sequence[tuple[Case, Compared]]) -> None:
     """A row for everything that is compared, and a check for what each table is of."""
+    origins = list(dict.fromkeys(case.origin for case, _ in rows))
     shown = [
         (
             "held" if one.held else "MISSED",
@@ -59,11 +60,12 @@ def fill(report: Report, rows: Sequence[tuple[Case, Compared]]) -> None:
             told(one.got),
             "the same" if one.tolerance is None else str(one.tolerance),
             one.off,
-            case.origin,
+            f"[{origins.index(case.origin) + 1}]",
         )
         for case, one in rows
     ]
-    report.tables.append(Table("Cases", COLUMNS, shown))
+    note = " ".join(f"[{number}] {origin}." for number, origin in enumerate(origins, 1))
+    report.tables.append(Table("Cases", COLUMNS, shown, note))
     for of in dict.fromkeys(case.of for case, _ in rows):
         own = [one for case, one in rows if case.of == of]
         what = f"{of}: largest difference in {len(own)} comparisons, of the tolerance"

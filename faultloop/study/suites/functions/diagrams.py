@@ -80,8 +80,9 @@ def parallel_lines_reach(quick: bool) -> Diagram:
     lines = []
     for colour, compensated in enumerate((False, True)):
         said = "compensated" if compensated else "not compensated"
-        lines.append(Curve(f"{said}: relay", x, by_relay[compensated], "points", colour))
-        lines.append(Curve(f"{said}: closed form", x, by_form[compensated], "line", colour, "dot"))
+        beside = [place + 0.08 * (2 * colour - 1) for place in x]
+        lines.append(Curve(f"{said}: relay", beside, by_relay[compensated], "points", colour))
+        lines.append(Curve(f"{said}: closed form", beside, by_form[compensated], "points", colour + 2))
     return Diagram(
         "How far zone 1 of 80 % operates", "parallel line, far source", "% of the line", lines,
         [Limit("the setting", 80.0)], x_ticks=x, x_names=names, y_range=(60, 105), wide=True,
@@ -96,7 +97,7 @@ def parallel_lines_loop() -> Diagram:
     drawn = []
     for colour, (name, (fed, earthed)) in enumerate(parallel_lines.CASES.items()):
         z = np.array([parallel_lines.apparent(float(x), fed, earthed)[0] for x in places])
-        drawn.append(Curve(name, 100 * places, 100 * z.real, "smooth", colour))
+        drawn.append(Curve(name, 100 * places, 100 * np.real(z), "smooth", colour))
         points = (0.2, 0.5, 0.8, 0.95)
         found = [parallel_lines.measured(x, fed, earthed) for x in points]
         own = {"colour": colour, "in_legend": False, "group": name}

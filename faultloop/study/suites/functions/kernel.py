@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ def _zeros(dtype: np.dtype) -> Any:
     return np.zeros(1, dtype).view(np.recarray)[0]
 
 
-def _fill(record: Any, values: dict[str, Any]) -> None:
+def _fill(record: Any, values: Mapping[str, Any]) -> None:
     for key, value in values.items():
         if not isinstance(value, BitsOf):  # there are no other functions
             record[key] = value

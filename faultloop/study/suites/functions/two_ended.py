@@ -71,4 +71,4 @@ def phasors(samples: NDArray[np.float64], first: int, sampling_hz: int) -> Compl
     count = round(sampling_hz / FREQUENCY)
     k = np.arange(len(samples) - count, len(samples))
     turn = np.exp(-2j * np.pi * FREQUENCY / sampling_hz * (first + k))
-    return 2 / count * np.tensordot(turn, samples[k], axes=1)
+    return np.asarray(2 / count * np.tensordot(turn, samples[k], axes=1), np.complex128)
