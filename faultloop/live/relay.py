@@ -150,7 +150,7 @@ class RelayProcess:
         self._recorder.block(self.name, self._clock, first, RelayBlock.of(relay, rows))
         self._tell(t_ns, relay.events)
         outputs = relay.outputs
-        self.node.set(t_ns, outputs)
+        self.node.set(t_ns, *outputs.masks)
         self.node.measured[:14] = relay.phasors[-1]
         self.node.measured[14] = relay.fault_location
 

@@ -180,7 +180,7 @@ class ClosedLoop:
     def _set(self, number: int, relay: Relay) -> None:
         """Its node, as the warm-up has left it."""
         node, outputs = self._traffic.relays[number], relay.outputs
-        node.set(0, outputs)
+        node.set(0, *outputs.masks)
         node.measured[:14] = relay.phasors[-1]
         node.measured[14] = relay.fault_location
         relay.set_inputs(relay.inputs)

@@ -16,7 +16,6 @@ from faultloop.jit import njit
 from faultloop.nodes.goose import NOTHING_HEARD, Publisher, Repetition, Subscriber, set_state
 from faultloop.nodes.node import Node, Nodes
 from faultloop.nodes.refusals import Report, unheard
-from faultloop.relay.events import Outputs
 
 CHANNEL_GRACE_NS = 10_000_000
 """Of a channel's jitter, and of one lost repetition, beyond the time allowed to live."""
@@ -138,17 +137,14 @@ class RelayNode(Node):
         """When it shows what the relay measures next."""
         return int(self.nodes.node["measurements"]["next_ns"][self.place])
 
-    def set(self, t_ns: int, outputs: Outputs) -> None:
-        """The relay's outputs from `t_ns` on."""
-        masks = {
-            Kind.TRIP: outputs.trip_poles,
-            Kind.CLOSE: outputs.close_poles,
-            Kind.PILOT: outputs.pilot,
-            Kind.TRANSFER: outputs.transfer,
-            Kind.BREAKER_FAILURE: outputs.back_trip,
-        }
+    def set(
+        self, t_ns: int, trip: int, close: int, pilot: int, transfer: int = 0, back_trip: int = 0
+    ) -> None:
+        """The relay's outputs from `t_ns` on, each a mask of poles."""
+        outputs = {Kind.TRANSFER: transfer, Kind.BREAKER_FAILURE: back_trip}
+        outputs |= {Kind.TRIP: trip, Kind.CLOSE: close, Kind.PILOT: pilot}
         for k, kind in enumerate(self._kinds):
-            set_state(self.publisher(k), masks[kind], t_ns)
+            set_state(self.publisher(k), outputs[kind], t_ns)
 
     def receive(self, t_ns: int, frame: Frame) -> bool:
         """Take a frame; True where the relay's inputs have changed."""

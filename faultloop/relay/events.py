@@ -42,6 +42,11 @@ class Outputs:
     transfer: int = 0
     back_trip: int = 0
 
+    @property
+    def masks(self) -> tuple[int, int, int, int, int]:
+        """All of them, in that order."""
+        return self.trip_poles, self.close_poles, self.pilot, self.transfer, self.back_trip
+
 
 @dataclass(frozen=True)
 class Names:

@@ -116,8 +116,7 @@ class Relay:
         return self._polygons
 
     def advance(self, samples: Array) -> int:
-        """Run over ``samples`` (n, 6), volts and amperes primary, instantaneous; or (n, 10) with the voltages
-        of the breaker's other side and the parallel line's 3 i0, NaN for what there is none of.
+        """Run over ``samples`` (n, 6), volts and amperes primary, instantaneous, or (n, `WIDE`).
 
         Stops after the first sample at which an output changed and returns the number m of samples done,
         1 <= m <= n.  The results do not depend on how the samples are cut into blocks.
@@ -139,8 +138,7 @@ class Relay:
         return done
 
     def warm_up(self, samples: Array) -> None:
-        """Run over the samples, as `advance` has them, before sample 0: the relay has been in service when a
-        run begins.
+        """Run over the samples before sample 0: the relay has been in service when a run begins.
 
         ``n`` must be whole cycles, as the phasors' reference begins with the first sample that a relay sees.
         A trip that stands at the end is none of the run's: the relay then begins with empty filters.

@@ -118,6 +118,7 @@ NODE_TYPES = {
         "PTRC": (BEHAVIOUR, ("Tr", "ACT")),
         "RREC": (BEHAVIOUR, ("OpCls", "ACT"), ("AutoRecSt", "ENS_AutoRecSt")),
         "PSCH": (BEHAVIOUR, ("Op", "ACT"), ("TxPrm", "ACT"), ("TxTr", "ACT")),
+        "RBRF": (BEHAVIOUR, ("OpEx", "ACT")),
         "XCBR": (
             BEHAVIOUR,
             ("Loc", "SPS"),

@@ -82,6 +82,7 @@ BLOCKS = (
     Block(Kind.CLOSE, 0, "Close", 0x20, _activation("RREC1", "OpCls")),
     Block(Kind.PILOT, 0, "Pilot", 0x30, _activation("PSCH1", "TxPrm")),
     Block(Kind.TRANSFER, 0, "Transfer", 0x80, _activation("PSCH1", "TxTr")),
+    Block(Kind.BREAKER_FAILURE, 0, "BreakerFailure", 0x90, _activation("RBRF1", "OpEx")),
     Block(
         Kind.BREAKER_STATUS, 0, "Position", 0x40,
         (*_position("XCBR1"), *_position("XCBR2"), *_position("XCBR3")),
@@ -274,7 +275,7 @@ def block_of(kind: Kind, page: int = 0) -> Block | None:
 def _address(block: Block, number: int) -> Address:
     place = block.place + number
     node = number if block.kind != Kind.BREAKER_STATUS else RELAYS + number
-    app_id = place | (TRIP_APP_ID if block.kind in (Kind.TRIP, Kind.TRANSFER) else 0)
+    app_id = place | (TRIP_APP_ID if block.kind in (Kind.TRIP, Kind.TRANSFER, Kind.BREAKER_FAILURE) else 0)
     return Address(f"01:0c:cd:01:{place >> 8:02x}:{place & 0xFF:02x}", f"02:00:00:00:00:{node:02x}", app_id)
 
 
