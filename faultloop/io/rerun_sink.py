@@ -36,6 +36,7 @@ from faultloop.io.messages import (
 from faultloop.io.rerun_target import open_target
 from faultloop.io.rerun_view import (
     CLOCK,
+    FROM_FAULT,
     LOCUS_HZ,
     TIMELINE,
     Characteristics,
@@ -45,6 +46,7 @@ from faultloop.io.rerun_view import (
     style_states,
 )
 
+TRIP_EVENT = "PTRC1 Tr poles"
 BLOCK_NS = 50_000_000  # what is sent at once
 ROWS = 960  # of a block when a whole log is sent
 
@@ -77,6 +79,7 @@ class RerunSink:
     Attributes
     ----------
     url : where a viewer finds the stream (``serve``), else None.
+    zero_ns : when the fault began, if set before anything is sent: another timeline then counts from it.
 
     Raises InputError for a target that is none of these or is not there, and without the package rerun-sdk.
     """
@@ -95,6 +98,7 @@ class RerunSink:
         self._texts: dict[str, list[tuple[int, str, str]]] = {}
         self._documents: list[str] = []
         self._layout_due = True
+        self.zero_ns: int | None = None
 
     # -- the calls of the log writer -----------------------------------------------------------------
 
@@ -154,7 +158,9 @@ class RerunSink:
         elif message_name in (EVENT.name, EVENT.full_name):
             level = fields.get("level", "INFO")
             level = level if isinstance(level, str) else LEVELS[level]
-            text = f"{fields.get('name', '')}: {fields.get('message', '')}".removeprefix(": ")
+            if (message := fields.get("message", "")).startswith(TRIP_EVENT):
+                return  # the trip itself says more
+            text = f"{fields.get('name', '')}: {message}".removeprefix(": ")
             self._text("events", t_ns, text, level)
         elif message_name == TRIP.name:
             zone = f" zone {fields['zone']}" if fields.get("zone") else ""
@@ -200,10 +206,7 @@ class RerunSink:
         return self._rr.new_entity_path(list(parts))
 
     def _times(self, t_ns: np.ndarray) -> list[Any]:
-        return [
-            self._rr.TimeColumn(TIMELINE, duration=t_ns.astype("timedelta64[ns]")),
-            self._rr.TimeColumn(CLOCK, timestamp=(t_ns + self.start_ns).astype("datetime64[ns]")),
-        ]
+        return _time_columns(self._rr, t_ns, self.start_ns, self.zero_ns)
 
     def _send(self, relay: RelayStream) -> None:
         if not relay.blocks:
@@ -309,14 +312,27 @@ class RerunSink:
         """Sends the layout when there is something new to lay out."""
         if self._layout_due:
             reaches = {name: relay.reach for name, relay in self._relays.items()}
-            self._stream.send_blueprint(blueprint(self._rr, reaches, self._documents))
+            timeline = TIMELINE if self.zero_ns is None else FROM_FAULT
+            self._stream.send_blueprint(blueprint(self._rr, reaches, self._documents, timeline))
             self._layout_due = False
+
+
+def _time_columns(rr: Any, t_ns: np.ndarray, start_ns: int, zero_ns: int | None) -> list[Any]:
+    """Since the run's start, the time of day, and since the fault where that is known."""
+    lines = [
+        rr.TimeColumn(TIMELINE, duration=t_ns.astype("timedelta64[ns]")),
+        rr.TimeColumn(CLOCK, timestamp=(t_ns + start_ns).astype("datetime64[ns]")),
+    ]
+    if zero_ns is not None:
+        lines.append(rr.TimeColumn(FROM_FAULT, duration=(t_ns - zero_ns).astype("timedelta64[ns]")))
+    return lines
 
 
 def log_to_rerun(log: Log, target: str) -> RerunSink:
     """Shows a whole log, in stretches; ``target`` as for ``RerunSink``.  With ``serve``, ``wait`` on what is
     returned."""
     sink = RerunSink(target, log.start_ns, name=log.metadata.get("scenario", {}).get("name") or log.path.stem)
+    sink.zero_ns = next((entry.t_ns for entry in log.faults if entry.on), None)
     for name, values in log.metadata.items():
         sink.add_metadata(name, values)
     for name, data in log.attachments.items():

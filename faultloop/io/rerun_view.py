@@ -10,12 +10,14 @@ import numpy as np
 from faultloop.io.messages import LOOPS
 
 TIMELINE, CLOCK = "time", "clock"  # since the start of the run; simulated time of day
+FROM_FAULT = "from fault"  # of a log that says when the first one began
 LOCUS_HZ = 600  # points per second of an impedance locus
 LOCUS_NS = 60_000_000  # how much of it is shown: three cycles at 50 Hz
 PHASES = ("A", "B", "C")
 # As uint32 arrays: rerun takes a list of three numbers for one colour's red, green and blue.
-PHASE_COLORS = np.array([0xFF5A5FFF, 0xFFC53DFF, 0x4C9BFFFF], np.uint32)
-LOOP_COLORS = np.array([*PHASE_COLORS, 0xFF8A3DFF, 0x5AD37CFF, 0xB78CFFFF], np.uint32)
+# The page's on dark, apart for the colour-blind too (Okabe and Ito 2008).
+PHASE_COLORS = np.array([0xFF8A3CFF, 0x2FC795FF, 0x4FA8E8FF], np.uint32)
+LOOP_COLORS = np.array([*PHASE_COLORS, 0xE0B040FF, 0x8FD0F8FF, 0xE7A3CAFF], np.uint32)
 ZONE_COLORS = [0x4FD1C5FF, 0x8FA8FFFF, 0xC58BE8FF, 0x9FB65EFF, 0xA9B4C2FF]
 FAULT_TYPES = (*LOOPS, "ABG", "BCG", "CAG", "ABC", "ABCG")
 GRID, TICK = 0x343B47FF, 0x9AA5B1FF
@@ -150,7 +152,7 @@ def _draw_axes(rr: Any, stream: Any, path: str, reach: float) -> None:
     )
 
 
-def blueprint(rr: Any, relays: Mapping[str, float], documents: Sequence[str]) -> Any:
+def blueprint(rr: Any, relays: Mapping[str, float], documents: Sequence[str], timeline: str) -> Any:
     """The layout: a tab per relay with waveforms, magnitudes, states and R-X plane; the texts beside them.
 
     ``relays``: extent of each relay's plane [ohm], by name.
@@ -172,7 +174,7 @@ def blueprint(rr: Any, relays: Mapping[str, float], documents: Sequence[str]) ->
             ),
             column_shares=[3, 2],
         ),
-        rrb.TimePanel(timeline=TIMELINE, play_state="following", state="collapsed"),
+        rrb.TimePanel(timeline=timeline, play_state="following", state="collapsed"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_views=False,
@@ -185,12 +187,16 @@ def _relay_view(rr: Any, rrb: Any, name: str, reach: float) -> Any:
 
     def curves(entity: str, title: str) -> Any:
         return rrb.TimeSeriesView(
-            origin=f"{path}/{entity}", name=title, axis_x=axis, plot_legend=rrb.Corner2D.LeftTop
+            # the colours are in the title: a legend would lie on the waves
+            origin=f"{path}/{entity}",
+            name=title,
+            axis_x=axis,
+            plot_legend=rrb.PlotLegend(visible=False),
         )
 
     return rrb.Vertical(
-        curves("voltage", f"{name}: voltage [kV]"),
-        curves("current", f"{name}: current [kA]"),
+        curves("voltage", f"{name}: voltage [kV], a orange, b green, c blue"),
+        curves("current", f"{name}: current [kA], a orange, b green, c blue"),
         rrb.Horizontal(
             curves("voltage_rms", "Voltage phasors, RMS [kV]"),
             curves("current_rms", "Current phasors, RMS [kA]"),
@@ -216,10 +222,11 @@ def _plane_view(rr: Any, rrb: Any, name: str, reach: float) -> Any:
     window = rrb.VisibleTimeRanges(
         [
             rrb.VisibleTimeRange(
-                TIMELINE,
+                timeline,
                 start=rrb.TimeRangeBoundary.cursor_relative(nanos=-LOCUS_NS),
                 end=rrb.TimeRangeBoundary.cursor_relative(nanos=0),
             )
+            for timeline in (TIMELINE, FROM_FAULT)
         ]
     )
     return rrb.Spatial2DView(

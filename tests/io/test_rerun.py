@@ -66,6 +66,8 @@ def test_clock_is_the_scenario_time(recording: Recording) -> None:
     batch = recording.chunks["/relay/R1/voltage"][0]
     clock = batch["clock"].cast(pa.int64()).to_numpy()
     np.testing.assert_array_equal(clock - batch["time"].cast(pa.int64()).to_numpy(), START_NS)
+    from_fault = batch["from fault"].cast(pa.int64()).to_numpy()
+    np.testing.assert_array_equal(batch["time"].cast(pa.int64()).to_numpy() - from_fault, 50_000_000)
 
 
 def test_states_are_the_bits_changes(recording: Recording, log_path: Path) -> None:
@@ -248,5 +250,15 @@ def test_viewer_shows_everything(
     log_to_rerun(open_log(log_path), str(tmp_path / "run.rrd"))
     assert bench.screenshot(tmp_path / "run.rrd", tmp_path / "shot.png", 100.0) == []
     picture = np.asarray(Image.open(tmp_path / "shot.png").convert("RGB")).reshape(-1, 3).astype(int)
-    for color in ((0xFF, 0x5A, 0x5F), (0x4C, 0x9B, 0xFF), (0x4F, 0xD1, 0xC5)):  # phases A, C; zone 1
+    for color in ((0xFF, 0x8A, 0x3C), (0x4F, 0xA8, 0xE8), (0x4F, 0xD1, 0xC5)):  # phases A, C; zone 1
         assert (np.abs(picture - color).max(axis=1) < 24).sum() > 50, color
+
+
+def test_a_trip_is_told_once(tmp_path: Path) -> None:
+    """By the trip, and not by the relay's line of it too."""
+    sink = RerunSink(str(tmp_path / "x.rrd"), 0)
+    text = "PTRC1 Tr poles ABC zone 1 loop AG"
+    sink.message("/relay/R1/events", 1, "foxglove.Log", level=3, message=text, name="R1")
+    sink.message("/relay/R1/trips", 1, "Trip", function="PDIS1", zone=1, loop="AG", poles=7, sample_count=1)
+    assert [line[1].split("ms  ")[1] for line in sink._texts["events"]] == ["R1: trip PDIS1 zone 1 AG"]
+    sink.close()
