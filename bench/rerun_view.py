@@ -2,6 +2,8 @@
 
     python bench/rerun_view.py [LOG.mcap | SCENARIO.toml] [OUT.png] [TIME_MS]
 
+TIME_MS counts from the fault; of a log without one it is left out.
+
 Needs a Vulkan driver; Mesa's software one will do (Debian: mesa-vulkan-drivers).  Prints what the viewer
 could not show, which should be nothing.  It runs with a configuration of its own, its analytics off.
 """
@@ -39,7 +41,7 @@ def screenshot(rrd: Path, png: Path, t_ms: float | None) -> list[str]:
         viewer.open(str(rrd))
         time.sleep(3.0)  # views come to rest; open() answers when the data is there
         if t_ms is not None:
-            viewer.set_time("time", duration=t_ms / 1e3, play_state="paused")
+            viewer.set_time("from fault", duration=t_ms / 1e3, play_state="paused")
             time.sleep(2.0)
         viewer.save_screenshot(str(png))
         return [f"{view.name}: {report}" for view in viewer.get_state().views for report in view.reports]
