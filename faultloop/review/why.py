@@ -84,14 +84,14 @@ def why(log: Log, summary: Summary, relay: str | None = None, function: str | No
 
 def _of_relay(log: Log, summary: Summary, name: str, wanted: str | None) -> list[Reason]:
     known = retrace(log, name)
-    those = [one for one in known.instances if one.function.name in STARTING]
+    tripped = {trip.function: trip for trip in reversed(summary.relays[name].trips)}
+    those = [one for one in known.instances if one.function.name in STARTING or one.name in tripped]
     if wanted is not None:
         names = [one.name for one in those]
         if wanted not in names:
             what = f"relay '{name}' has no function '{wanted}' that starts; {nearest(wanted, names)}"
             raise InputError(what, key="--function")
         those = [one for one in those if one.name == wanted]
-    tripped = {trip.function: trip for trip in reversed(summary.relays[name].trips)}
     first = sorted(tripped, key=lambda function: tripped[function].decided_ns)
     reasons = {one.name: _reason(log, summary, known, one, name, tripped.get(one.name)) for one in those}
     order = [f for f in first if f in reasons] + [f for f in reasons if f not in first]
