@@ -12,7 +12,10 @@ import typer
 def command(
     name: Annotated[
         str,
-        typer.Argument(metavar="bus|distance|estimators|functions|seeds|synchrophasor", help="Which suite."),
+        typer.Argument(
+            metavar="bus|differential|distance|estimators|functions|schemes|seeds|synchrophasor",
+            help="Which suite.",
+        ),
     ],
     parts: Annotated[
         list[str] | None, typer.Argument(metavar="[PART]...", help="Only these parts of it.")

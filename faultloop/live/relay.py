@@ -14,6 +14,7 @@ from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
 from faultloop.live.stream import SampleStream, quantised
 from faultloop.loop.pacing import Percentiles
+from faultloop.loop.phasors import give_first, say_first
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import history
@@ -22,6 +23,8 @@ from faultloop.nodes.block import RelayBlock
 from faultloop.nodes.channel import Arrivals, new_channels
 from faultloop.nodes.clock import SampleClock
 from faultloop.relay import Relay, RelayInputs, load_settings
+from faultloop.relay.functions.pdif import agreement
+from faultloop.relay.relay import records_of
 
 SILENT_NS = 20_000_000
 """Without a sample for so long, the relay says that it measures nothing."""
@@ -34,7 +37,7 @@ def identifiers(scenario: Scenario, number: int) -> list[int]:
     names = [place.name for place in scenario.relay]
     others = {names.index(c.misrouted) for c in scenario.channel if c.misrouted is not None}
     pilots = [Kind.PILOT + i for i in dict.fromkeys((*node.partners, *sorted(others)))]
-    transfers = [Kind.TRANSFER + i for i in node.linked]
+    transfers = [kind + i for kind in (Kind.TRANSFER, Kind.DIFFERENTIAL) for i in node.linked]
     return [Kind.SAMPLED_VALUES + number, *breaker, *pilots, *transfers]
 
 
@@ -54,6 +57,7 @@ class RelayProcess:
         settings = load_settings(scenario.settings_path(self.place), overrides)
         self.relay = Relay(settings, name=self.name)
         self._empty = self.relay.save()
+        self._agreement = agreement(settings)
         hz = scenario.system.sampling_hz
         self._clock = SampleClock(hz)
         self._total = self._clock.first_from(round(scenario.scenario.duration_s * 1e9))
@@ -71,22 +75,41 @@ class RelayProcess:
         self._topic = f"/relay/{self.name}"
         self._latency_ns: list[int] = []
         self._silent = False
+        self._sets = 0
+        self._frames: list[Frame] = []
         self._heard_ns = 0
         self._restarts = 0
         self.trips = 0
         self.relay.warm_up(quantised(history(scenario)[:, number]))
         self._warm = self.relay.save(), self.relay.events
+        self._rehearse()
+
+    def _rehearse(self) -> None:
+        """Load the kernels that take what comes from the far end, before the run begins (`node.rehearse`)."""
+        node = relay_node(self._scenario, self._number, agreement=self._agreement)
+        self._arrivals.poll(0)
+        if self._agreement:
+            say_first(node.nodes, node.place, *records_of(self.relay), 0)
+            give_first(node.nodes, node.place, *records_of(self.relay))
+        node.poll(0)
+        assert len(node.heard) == len(RelayInputs._fields)
 
     def begin(self, recorder: Recorder, clock: RunClock) -> None:
         self._recorder = recorder
         self._heard_ns = start_ns = max(clock.now_ns(), 0)
-        self.node = relay_node(clock.started(self._scenario), self._number, self._event, start_ns=start_ns)
+        self.node = relay_node(
+            clock.started(self._scenario),
+            self._number,
+            self._event,
+            start_ns=start_ns,
+            agreement=self._agreement,
+        )
         recorder.add_relay(self.name, self.relay.bits, self.relay.characteristics())
 
     @property
     def next_ns(self) -> int:
         silence = FOREVER if self._silent else self._heard_ns + SILENT_NS
-        return min(self.node.next_ns, self._arrivals.next_ns, silence)
+        return 0 if self._frames else min(self.node.next_ns, self._arrivals.next_ns, silence)
 
     def poll(self, t_ns: int) -> list[Frame]:
         if not self._silent and t_ns >= self._heard_ns + SILENT_NS and self._stream.next_count < self._total:
@@ -97,7 +120,7 @@ class RelayProcess:
         for at_ns, frame in self._arrivals.poll(t_ns):
             self._hear(t_ns, at_ns, frame)
         silences = self.node.silences
-        frames = self.node.poll(t_ns)
+        frames, self._frames = self._frames + self.node.poll(t_ns), []
         if self.node.silences != silences:
             self._run(t_ns)
             self.relay.inputs = RelayInputs(*self.node.heard)
@@ -116,6 +139,8 @@ class RelayProcess:
         if self.node.receive(at_ns, frame):
             self._run(t_ns)  # what came before the inputs changed was measured with the old ones
             self.relay.inputs = RelayInputs(*self.node.heard)
+            if self._agreement:
+                give_first(self.node.nodes, self.node.place, *records_of(self.relay))
 
     def _run(self, t_ns: int) -> None:
         for first, rows in self._stream.take():
@@ -151,6 +176,10 @@ class RelayProcess:
         self._tell(t_ns, relay.events)
         outputs = relay.outputs
         self.node.set(t_ns, *outputs.masks)
+        if outputs.phasors != self._sets:
+            self._sets = outputs.phasors
+            say_first(self.node.nodes, self.node.place, *records_of(relay), t_ns)
+            self._frames += self.node.poll(t_ns)  # of samples that come in a burst every set is sent
         self.node.measured[:14] = relay.phasors[-1]
         self.node.measured[14] = relay.fault_location
 

@@ -34,6 +34,7 @@ from faultloop.nodes.tables import BusTables
 from faultloop.plant import Plant
 from faultloop.relay import Event, Relay
 from faultloop.relay.bank import bank_of
+from faultloop.relay.functions.pdif import agreement
 
 ROWS = 960
 """Samples that are run before they are told, at most."""
@@ -272,6 +273,10 @@ class ClosedLoop:
             again.restore(self._cold[relay])
             again.sample_count = self.sample_count
             again.set_inputs(again.inputs)
+
+    def agreement(self, relay: int) -> int:
+        """Of a relay's line differential; 0 without one."""
+        return agreement(self.relays[relay].settings)
 
     def closed(self, breaker: int) -> int:
         """Mask of a breaker's poles that conduct."""

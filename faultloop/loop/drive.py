@@ -34,6 +34,7 @@ from faultloop.loop.exchange import (
     serve,
     tell,
 )
+from faultloop.loop.phasors import give_sets, say_set
 from faultloop.nodes.clock import SampleClock
 from faultloop.nodes.goose import set_state
 from faultloop.nodes.relay import hear
@@ -154,7 +155,18 @@ def act(course: Course, x: Exchange, switches: Any, bank: Any) -> bool:
         if event.what == STATE_TAKEN:
             seat = x.seats[event.node]
             if not seat.breaker:
-                hear(x.nodes, event.node, bank.state[seat.number].shared)
+                state = bank.state[seat.number]
+                hear(x.nodes, event.node, state.shared)
+                if x.nodes.node[event.node].sources:
+                    constants = bank.constants[seat.number]
+                    give_sets(
+                        x.nodes,
+                        event.node,
+                        constants.shared,
+                        state.shared,
+                        constants.pdif[0],
+                        state.pdif[0],
+                    )
             elif event.value:
                 control = switches.control[0]
                 room = switches.pending.shape[0] - control.actions
@@ -266,6 +278,8 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     """One relay's decision on the next sample; True where its outputs changed or it has something to tell."""
     c, r, q = course.clock[0], bank.relay[i], bank.state[i].shared
     poles, close, pilot, notices, transfer = q.poles, q.close_poles, q.pilot, q.notices, q.transfer
+    phasors = q.phasors
+    q.number = c.sample - 1
     row = c.sample - c.base
     decide_block = kernels.decide
     decide_block(
@@ -279,9 +293,14 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     r.last = c.sample
     r.changed += q.changed
     same = q.poles == poles and q.close_poles == close and q.pilot == pilot and q.transfer == transfer
-    if same and q.notices == notices:
+    if same and q.notices == notices and q.phasors == phasors:
         return False
     t_ns = c.sample * SECOND_NS // c.sampling_hz
+    if q.phasors != phasors and x.nodes.node[i].sources:
+        constants, state = bank.constants[i], bank.state[i]
+        say_set(x.nodes, i, constants.shared, q, constants.pdif[0], state.pdif[0], t_ns)
+    if same and q.notices == notices:
+        return True
     first = x.nodes.node[i].first_publisher
     set_state(x.nodes.publishers[first], q.poles, t_ns)
     set_state(x.nodes.publishers[first + 1], q.close_poles, t_ns)

@@ -22,7 +22,8 @@ from faultloop.io.can.arbitration import (
     off,
     submit,
 )
-from faultloop.io.can.port import FINE, HEARTBEAT, NOBODY, encode
+from faultloop.io.can.codes import FINE
+from faultloop.io.can.port import HEARTBEAT, NOBODY, encode
 from faultloop.io.can.record import FRAME, MESSAGE, Record, Records
 from faultloop.jit import inner, njit
 from faultloop.nodes.channel import Channels, arrival_ns, arrived, channel_of, cut_off, enter

@@ -21,6 +21,7 @@ from faultloop.errors import InputError, nearest
 from faultloop.loop.scenario import AnyScenario, Scenario
 from faultloop.nodes.roster import seal
 from faultloop.relay import Relay, RelaySettings, load_settings
+from faultloop.relay.functions.pdif import AGREED, REMOTES
 from faultloop.relay.named_code import refuse_user_code
 
 Given = RelaySettings | Mapping[str, Any]
@@ -145,33 +146,44 @@ def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], us
     check_ends(scenario, settings)
 
 
+TWO_ENDED = {"psch": ("type", "pole_bits", "transfer"), "pdif": AGREED}
+"""Functions that decide at both ends, and what these must have alike."""
+
+
 def check_ends(scenario: Scenario, settings: Mapping[str, RelaySettings]) -> None:
     """What decides at both ends of a line has a partner that is set alike; raises InputError."""
     for place in scenario.relay:
-        own = settings[place.name].psch
-        if own is None:
-            continue
-        file, partners = settings[place.name].path, linked(scenario.channel, place.name)
-        if not partners:
-            what = (
-                f"relay '{place.name}' has a scheme, and no [[channel]] of the scenario links it to another"
-            )
-            raise InputError(what, file=file, key="psch")
-        for name in partners:
-            other = settings[name].psch
-            if other is None:
-                raise InputError(
-                    f"relay '{place.name}' has a scheme, and its partner '{name}' has no [psch]",
-                    file=file,
-                    key="psch",
-                )
-            for key in ("type", "pole_bits", "transfer"):
-                mine, theirs = getattr(own, key), getattr(other, key)
-                if mine != theirs:
-                    what = (
-                        f"is {mine!r} for relay '{place.name}' and {theirs!r} for '{name}'; must be the same"
-                    )
-                    raise InputError(what, file=file, key=f"psch.{key}")
+        for table in TWO_ENDED:
+            if getattr(settings[place.name], table) is not None:
+                _check_partners(scenario, settings, place.name, table)
+        if settings[place.name].pdif is not None and not scenario.can.fd:
+            what = f"relay '{place.name}' has [pdif], whose frames have 32 bytes: must be true"
+            raise InputError(what, file=scenario.path, key="can.fd")
+
+
+def _check_partners(
+    scenario: Scenario, settings: Mapping[str, RelaySettings], relay: str, table: str
+) -> None:
+    own, file = getattr(settings[relay], table), settings[relay].path
+    partners = linked(scenario.channel, relay)
+    if not partners:
+        what = f"relay '{relay}' has [{table}], and no [[channel]] of the scenario links it to another"
+        raise InputError(what, file=file, key=table)
+    if table == "pdif" and len(partners) > REMOTES:
+        what = (
+            f"relay '{relay}' has channels to {len(partners)} relays; [pdif] compares with {REMOTES} at most"
+        )
+        raise InputError(what, file=file, key=table)
+    for name in partners:
+        other = getattr(settings[name], table)
+        if other is None:
+            what = f"relay '{relay}' has [{table}], and its partner '{name}' has not"
+            raise InputError(what, file=file, key=table)
+        for key in TWO_ENDED[table]:
+            mine, theirs = getattr(own, key), getattr(other, key)
+            if mine != theirs:
+                what = f"is {mine!r} for relay '{relay}' and {theirs!r} for '{name}'; must be the same"
+                raise InputError(what, file=file, key=f"{table}.{key}")
 
 
 def check_expectations(scenario: Scenario, relays: Mapping[str, Relay]) -> None:

@@ -11,6 +11,7 @@ from pydantic import Field, PrivateAttr
 
 from faultloop.config.bus_fault import check_references as check_bus_faults
 from faultloop.config.channel import check_references as check_channels
+from faultloop.config.clock import check_references as check_clocks
 from faultloop.config.expect import Expect
 from faultloop.config.override import apply_override, overridden
 from faultloop.config.place import RelayPlace
@@ -80,6 +81,7 @@ class AnyScenario(BusTables):
         unique("bus_fault", self.bus_fault)
         check_bus_faults(self.bus_fault, relays, [b.name for b in self.breaker], self.scenario.duration_s)
         check_channels(self.channel, self.relay)
+        check_clocks(self.clock, relays)
         for number, expect in enumerate(self.expect):
             known(expect.relay, relays, "relay", f"expect[{number}].relay")
             if expect.trip and expect.within_ms is not None and not self.fault:

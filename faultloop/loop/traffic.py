@@ -53,6 +53,10 @@ class Acts(Protocol):
         """A relay goes, or is back and remembers nothing."""
         ...
 
+    def agreement(self, relay: int) -> int:
+        """Hash of what the ends of a relay's line differential must have alike; 0 without one."""
+        ...
+
     def closed(self, breaker: int) -> int:
         """Mask of the poles that conduct."""
         ...
@@ -124,7 +128,8 @@ class Traffic:
 
     def _relay_node(self, number: int, start_ns: int = 0) -> RelayNode:
         report = self._report_of("relay", self.scenario.relay[number].name)
-        return relay_node(self.scenario, number, report, start_ns=start_ns)
+        agreement = self._acts.agreement(number)
+        return relay_node(self.scenario, number, report, start_ns=start_ns, agreement=agreement)
 
     def _breaker_node(self, number: int, start_ns: int) -> BreakerNode:
         report = self._report_of("breaker", self.scenario.breaker[number].name)

@@ -15,7 +15,7 @@ import numpy as np
 
 from faultloop.config.channel import Channel
 from faultloop.io.can.frames import Frame
-from faultloop.io.can.port import NOBODY, PILOT, TRANSFER
+from faultloop.io.can.port import DIFFERENTIAL, NOBODY, PILOT, TRANSFER
 from faultloop.io.can.record import FRAME, Record, Records, put, taken
 from faultloop.jit import inner, njit
 from faultloop.nodes.clock import FOREVER
@@ -80,7 +80,7 @@ def _chance(c: Record, draw: int) -> float:
 def channel_of(x: Channels, seat: int, identifier: int, t_ns: int) -> int:
     """The channel by which a node hears frames of that identifier now; NOBODY: it hears them from the bus."""
     kind = identifier & ~0xF
-    if kind not in (PILOT, TRANSFER):
+    if kind not in (PILOT, TRANSFER, DIFFERENTIAL):
         return int(np.int64(NOBODY))
     for k in range(x.channel.shape[0]):
         c = x.channel[k]
@@ -97,7 +97,7 @@ def cut_off(x: Channels, seat: int, identifier: int) -> bool:
     for k in range(x.channel.shape[0]):
         if x.channel[k].seat == seat and x.channel[k].sender == (identifier & 0xF):
             kind = identifier & ~0xF
-            return kind in (PILOT, TRANSFER)
+            return kind in (PILOT, TRANSFER, DIFFERENTIAL)
     return False
 
 

@@ -16,20 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from faultloop.io.can.codes import BEFORE_START, FINE, INCONSISTENT, OLD, SEQUENCE, STALE, TEST
 from faultloop.io.can.e2e import P01_COUNTERS
 from faultloop.io.can.frames import REJECTIONS, Frame, Rejection, State
-from faultloop.io.can.port import (
-    BEFORE_START,
-    BREAKER_STATUS,
-    FINE,
-    INCONSISTENT,
-    OLD,
-    SEQUENCE,
-    STALE,
-    TEST,
-    encode,
-    ticks,
-)
+from faultloop.io.can.port import BREAKER_STATUS, encode, ticks
 from faultloop.io.can.record import (
     FRAME,
     MESSAGE,

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.io.can.authentication import PLAIN, Seal
+from faultloop.io.can.codes import FINE, UNKNOWN_ID
 from faultloop.io.can.frames import REJECTIONS, Frame, Rejection, State, decode
 from faultloop.io.can.port import (
-    FINE,
+    DIFFERENTIAL,
     HEARTBEAT,
     MEASUREMENTS,
     NOBODY,
-    UNKNOWN_ID,
     decode_state,
     encode,
     kind_of,
@@ -29,7 +29,7 @@ from faultloop.io.can.port import (
 from faultloop.io.can.record import FRAME, MESSAGE, Record, Records, put, taken
 from faultloop.io.can.table import OPERATIONAL, Alarm, Kind
 from faultloop.jit import njit
-from faultloop.nodes.clock import CYCLIC, Cyclic, tick
+from faultloop.nodes.clock import CYCLIC, FOREVER, Cyclic, tick
 from faultloop.nodes.goose import (
     NEW,
     PUBLISHER,
@@ -42,11 +42,13 @@ from faultloop.nodes.goose import (
     supervise,
 )
 from faultloop.nodes.refusals import Refusals, Report
+from faultloop.nodes.sets import NOTHING as NOTHING_YET
+from faultloop.nodes.sets import SOURCE, WAITING, accept_set, microseconds
 
 MEASURED = 15
 """Values that a relay shows: phasors with their frequency (14), fault location."""
 PAGES = 3
-MOST = 5 + 1 + PAGES
+MOST = 5 + 1 + 1 + PAGES
 """Messages that a node gives at once, at most."""
 NOTHING, TAKEN = 0, 1
 SILENT, REJECTED = int(Alarm.SILENT), int(Alarm.REJECTED)
@@ -71,6 +73,12 @@ NODE = np.dtype(
                 "page",  # counter of its measurements
                 "transfers",  # which of a relay's publishers tells of a transferred trip; 0: none
                 "back_trips",  # and which one of breaker failure
+                "set_ns",  # when its set of differential data is due; FOREVER: there is none
+                "clock_ns",  # by how much its clock is ahead ...
+                "clock_ppb",  # ... and how fast it drifts ...
+                "clock_lost_ns",  # ... since it has had no time from outside; FOREVER: it has
+                "first_source",
+                "sources",  # whose differential data it takes
             )
         ),
         ("heartbeat", CYCLIC),
@@ -91,13 +99,21 @@ class Nodes(NamedTuple):
     """SUBSCRIBER, of all nodes"""
     measured: NDArray[np.float64]
     """(n, MEASURED)"""
+    own_set: Records
+    """(n,) MESSAGE: differential data to be sent"""
+    source: Records
+    """SOURCE, of all nodes"""
+    sets: Records
+    """(sources, WAITING) MESSAGE: what was taken from each"""
+    sent_us: NDArray[np.int64]
+    """(n, 256) times of its sets, by their counter"""
 
 
 @njit
 def next_ns(nodes: Nodes, i: int) -> int:
     """When `poll` has something to send."""
     n = nodes.node[i]
-    due_ns = min(n.heartbeat.next_ns, n.measurements.next_ns)
+    due_ns = min(n.heartbeat.next_ns, n.measurements.next_ns, n.set_ns)
     for k in range(n.first_publisher, n.first_publisher + n.publishers):
         due_ns = min(due_ns, nodes.publishers[k].next_ns)
     for k in range(n.first_subscriber + 1, n.first_subscriber + 1 + n.linked):
@@ -115,6 +131,11 @@ def poll(nodes: Nodes, i: int, t_ns: int, out: Records, count: int) -> int:
     for k in range(n.first_publisher, n.first_publisher + n.publishers):
         if publish(nodes.publishers[k], t_ns, out[count]):
             count += 1
+    if t_ns >= n.set_ns:
+        n.set_ns = FOREVER
+        _tell_heard(nodes, i, t_ns)
+        out[count] = nodes.own_set[i]
+        count += 1
     if tick(n.heartbeat, t_ns):
         _beat(nodes, i, t_ns, out[count])
         count += 1
@@ -123,6 +144,31 @@ def poll(nodes: Nodes, i: int, t_ns: int, out: Records, count: int) -> int:
             _show(n, nodes.measured[i], page, out[count])
             count += 1
     return count
+
+
+@njit
+def clock_us(n: Record, t_ns: int) -> int:
+    """A node's clock [us], modulo 2^32."""
+    adrift_ns = max(t_ns - n.clock_lost_ns, 0)
+    error_ns = n.clock_ns + np.int64(np.rint(adrift_ns * 1e-9 * n.clock_ppb))
+    return int((t_ns + error_ns + 500) // 1000 & 0xFFFFFFFF)
+
+
+@njit
+def _tell_heard(nodes: Nodes, i: int, t_ns: int) -> None:
+    """Into the set that is sent: its counter, and how long before its time the last one was heard."""
+    n, m = nodes.node[i], nodes.own_set[i]
+    m.counter = (m.counter + 1) & 0xFF
+    nodes.sent_us[i, m.counter] = m.time
+    m.page = 0
+    m.st_num = 0
+    if n.sources:
+        source = nodes.source[n.first_source]
+        if source.heard_ns != NOTHING_YET:
+            ago = microseconds(m.time - clock_us(n, source.heard_ns))
+            if 0 <= ago < 1 << 16:
+                m.page = source.counter
+                m.st_num = max(ago, 1)
 
 
 @njit
@@ -176,6 +222,8 @@ def receive(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int, m: R
     frame is refused.  A frame that is for somebody else is passed over.
     """
     n = nodes.node[i]
+    if n.sources and (frame.id & ~0xF) == DIFFERENTIAL:
+        return _receive_set(nodes, i, frame, objection, t_ns, m)
     place = subscriber_of(nodes, i, frame.id)
     if place == NOBODY:
         if n.strict and kind_of(frame.id) == NOBODY:
@@ -192,6 +240,26 @@ def receive(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int, m: R
     if silent and 0 < place - n.first_subscriber <= n.linked:
         return TAKEN  # the channel is back, which is new by itself
     return TAKEN if answer == NEW else NOTHING
+
+
+@njit
+def _receive_set(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int, m: Record) -> int:
+    n = nodes.node[i]
+    for k in range(n.first_source, n.first_source + n.sources):
+        source = nodes.source[k]
+        if source.number == (frame.id & 0xF):
+            answer = -objection
+            if objection == FINE:
+                now_us = clock_us(n, t_ns)
+                answer = accept_set(source, frame, t_ns, now_us, nodes.sent_us[i], m)
+            if answer < 0:
+                n.refused += 1
+                return answer
+            if answer != FINE:
+                return NOTHING
+            nodes.sets[k, (source.count - 1) % WAITING] = m
+            return TAKEN
+    return NOTHING
 
 
 @njit
@@ -220,6 +288,7 @@ class Node:
     start_ns : when it starts, run time [ns].
     relay : number of its measurements.
     strict : it refuses frames whose identifier is nobody's.
+    sources : whose differential data it takes, ``SOURCE``.
     linked : how many of the supervised subscribers, after the first, are relays at a channel's other end.
     """
 
@@ -238,6 +307,7 @@ class Node:
         relay: int = 0,
         strict: bool = True,
         linked: int = 0,
+        sources: Any = None,
     ) -> None:
         self.seal = seal
         self.refusals = Refusals(report)
@@ -250,6 +320,9 @@ class Node:
             ("supervised", supervised),
             ("strict", strict),
             ("linked", linked),
+            ("set_ns", FOREVER),
+            ("clock_lost_ns", FOREVER),
+            ("sources", 0 if sources is None else len(sources)),
         ):
             node[key] = value
         Cyclic(1 / heartbeat_s if heartbeat_s else 0.0, start_ns, record=node["heartbeat"])
@@ -259,10 +332,19 @@ class Node:
             _gathered(PUBLISHER, [p.record for p in publishers]),
             _gathered(SUBSCRIBER, [s.record for s in subscribers]),
             np.full((1, MEASURED), np.nan),
+            np.zeros(1, MESSAGE),
+            np.zeros(0, SOURCE) if sources is None else sources,
+            np.zeros((0 if sources is None else len(sources), WAITING), MESSAGE),
+            np.zeros((1, 256), np.int64),
         )
         self.place = 0
         """Its number among `nodes`."""
         self._messages, self._frame = np.zeros(MOST, MESSAGE), np.zeros(1, FRAME)
+
+    def set_clock(self, offset_ns: int, ppb: int, lost_ns: int) -> None:
+        """Its clock is so much ahead, and drifts so fast once it has lost the time from outside."""
+        node = self.nodes.node[self.place]
+        node["clock_ns"], node["clock_ppb"], node["clock_lost_ns"] = offset_ns, ppb, lost_ns
 
     @property
     def rejected(self) -> Counter[Rejection]:
@@ -290,6 +372,10 @@ class Node:
 
     def hears(self, identifier: int) -> bool:
         """Whether frames of that identifier are for it."""
+        if (identifier & ~0xF) == DIFFERENTIAL:
+            n = self.nodes.node[self.place]
+            own = self.nodes.source[n["first_source"] : n["first_source"] + n["sources"]]
+            return bool(np.any(own["number"] == (identifier & 0xF)))
         return subscriber_of(self.nodes, self.place, identifier) != NOBODY
 
     def poll(self, t_ns: int) -> list[Frame]:
@@ -365,12 +451,18 @@ def joined(nodes: Sequence[Node]) -> Nodes:
         _gathered(PUBLISHER, [part.publishers for part in parts]),
         _gathered(SUBSCRIBER, [part.subscribers for part in parts]),
         np.concatenate([np.zeros((0, MEASURED)), *(part.measured for part in parts)]),
+        _gathered(MESSAGE, [part.own_set for part in parts]),
+        _gathered(SOURCE, [part.source for part in parts]),
+        np.zeros((sum(len(part.source) for part in parts), WAITING), MESSAGE),
+        np.zeros((len(parts), 256), np.int64),
     )
-    publishers = subscribers = 0
+    publishers = subscribers = sources = 0
     for place, node in enumerate(nodes):
         whole.node["first_publisher"][place], whole.node["first_subscriber"][place] = publishers, subscribers
         publishers += len(node.nodes.publishers)
         subscribers += len(node.nodes.subscribers)
+        whole.node["first_source"][place] = sources
+        sources += len(node.nodes.source)
         node.nodes, node.place = whole, place
     return whole
 
@@ -382,6 +474,9 @@ def replaced(whole: Nodes, place: int, node: Node) -> None:
     whole.publishers[first : first + len(new.publishers)] = new.publishers
     whole.subscribers[other : other + len(new.subscribers)] = new.subscribers
     whole.measured[place] = new.measured[0]
+    third = int(old["first_source"][0])
+    whole.own_set[place] = new.own_set[0]
+    whole.source[third : third + len(new.source)] = new.source
     old[:] = new.node
-    old["first_publisher"], old["first_subscriber"] = first, other
+    old["first_publisher"], old["first_subscriber"], old["first_source"] = first, other, third
     node.nodes, node.place = whole, place

@@ -16,6 +16,7 @@ from faultloop.jit import njit
 from faultloop.nodes.goose import NOTHING_HEARD, Publisher, Repetition, Subscriber, set_state
 from faultloop.nodes.node import Node, Nodes
 from faultloop.nodes.refusals import Report, unheard
+from faultloop.nodes.sets import sources
 
 CHANNEL_GRACE_NS = 10_000_000
 """Of a channel's jitter, and of one lost repetition, beyond the time allowed to live."""
@@ -72,6 +73,7 @@ class RelayNode(Node):
     number : of the relay, 0 to 15.
     breaker : number of the breaker it trips and follows, None if it has none.
     partners : numbers of the relays whose pilot signal it takes.
+    agreement : hash of what the ends of its line differential must have alike; 0: it has none.
     linked : of those that a channel links to it: it misses their signals, and takes their transferred trips.
     back_trips : it tells the breakers around when its own has failed.
     heartbeat_s, measurements_hz : how often it publishes while nothing happens.
@@ -95,6 +97,7 @@ class RelayNode(Node):
         confirmations: int = 1,
         linked: Sequence[int] = (),
         back_trips: bool = False,
+        agreement: int = 0,
     ) -> None:
         repetition = Repetition(heartbeat_ns=round(heartbeat_s * 1e9))
         through = Repetition(heartbeat_ns=repetition.heartbeat_ns, grace_ns=CHANNEL_GRACE_NS)
@@ -128,6 +131,7 @@ class RelayNode(Node):
             start_ns=start_ns,
             relay=number,
             linked=len(linked),
+            sources=sources(linked, agreement) if agreement else None,
         )
         for key, kind in (("transfers", Kind.TRANSFER), ("back_trips", Kind.BREAKER_FAILURE)):
             self.nodes.node[key] = kinds.index(kind) if kind in kinds else 0

@@ -7,6 +7,7 @@ from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
 from faultloop.io.can.keys import load_keys
 from faultloop.io.can.table import Kind
 from faultloop.nodes.breaker import BreakerNode
+from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.follower import BreakerFollower
 from faultloop.nodes.refusals import Report, unheard
 from faultloop.nodes.relay import RelayNode, published
@@ -24,7 +25,7 @@ def seal(scenario: BusTables, start_ns: int = 0) -> Seal:
     senders = {
         kind + i: place.name
         for i, place in enumerate(scenario.relay)
-        for kind in published(True, bool(place.back_trip))
+        for kind in (*published(True, bool(place.back_trip)), Kind.DIFFERENTIAL)
     }
     senders |= {Kind.BREAKER_STATUS + i: breaker.name for i, breaker in enumerate(scenario.breaker)}
     keys = load_keys(path, dict.fromkeys(senders.values()))
@@ -32,7 +33,9 @@ def seal(scenario: BusTables, start_ns: int = 0) -> Seal:
     return CmacSeal(by_identifier, scenario.scenario.start_ns, start_ns)
 
 
-def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, start_ns: int = 0) -> RelayNode:
+def relay_node(
+    scenario: BusTables, number: int, report: Report = unheard, *, start_ns: int = 0, agreement: int = 0
+) -> RelayNode:
     """The node of relay `number`: its partners are the relays at the line's other end, and those that a
     ``[[channel]]`` links to it.
 
@@ -45,7 +48,7 @@ def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, st
     names = [breaker.name for breaker in scenario.breaker]
     numbers = {other.name: i for i, other in enumerate(scenario.relay)}
     breaker = None if place.breaker is None else names.index(place.breaker)
-    return RelayNode(
+    node = RelayNode(
         number,
         breaker,
         partners,
@@ -57,7 +60,13 @@ def relay_node(scenario: BusTables, number: int, report: Report = unheard, *, st
         confirmations=scenario.can.confirmations,
         linked=[numbers[name] for name in linked(scenario.channel, place.name)],
         back_trips=bool(place.back_trip),
+        agreement=agreement,
     )
+    for clock in scenario.clock:
+        if clock.node == place.name:
+            offset_ns, ppb, lost_ns = clock.numbers
+            node.set_clock(offset_ns, ppb, FOREVER if lost_ns is None else lost_ns)
+    return node
 
 
 def commanders(scenario: BusTables, number: int) -> tuple[list[int], list[int]]:

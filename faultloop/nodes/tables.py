@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr
 from faultloop.config.bus_fault import BusFault
 from faultloop.config.can import Can
 from faultloop.config.channel import Channel
+from faultloop.config.clock import Clock
 from faultloop.config.iec61850 import Iec61850
 from faultloop.plant.component import PlantTables
 
@@ -28,6 +29,7 @@ class BusTables(PlantTables):
     iec61850: Iec61850 = Iec61850()
     bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
     channel: tuple[Channel, ...] = Field(default=(), strict=False)
+    clock: tuple[Clock, ...] = Field(default=(), strict=False)
 
     _path: Path | None = PrivateAttr(default=None)
 

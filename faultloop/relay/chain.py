@@ -57,10 +57,11 @@ def decide(
     q.changed = 0
     for n in range(words.shape[0]):
         poles, close, pilot, notices, transfer = q.poles, q.close_poles, q.pilot, q.notices, q.transfer
+        sets = q.phasors
         begin(g, q, samples[n], phasors[n], loops[n])
         step_functions(c, s)
         finish(g, q, words[n])
         same = q.poles == poles and q.close_poles == close and q.pilot == pilot and q.transfer == transfer
-        if not same or q.notices != notices:
+        if not same or q.notices != notices or q.phasors != sets:
             return n + 1
     return words.shape[0]

@@ -34,17 +34,18 @@ class Event:
 @dataclass(frozen=True)
 class Outputs:
     """Output contacts: masks of poles to trip and to close, of the pilot signal, to trip far away, and of
-    the breakers around."""
+    the breakers around; how many sets of differential data were measured."""
 
     trip_poles: int = 0
     close_poles: int = 0
     pilot: int = 0
     transfer: int = 0
     back_trip: int = 0
+    phasors: int = 0
 
     @property
     def masks(self) -> tuple[int, int, int, int, int]:
-        """All of them, in that order."""
+        """The contacts, in that order."""
         return self.trip_poles, self.close_poles, self.pilot, self.transfer, self.back_trip
 
 

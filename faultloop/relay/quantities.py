@@ -108,6 +108,7 @@ QUANTITIES = np.dtype(
         ("received_all", "i8"),  # and for which every one does
         ("transferred", "i8"),  # mask of poles that a far end trips here
         ("linked", "i8"),  # every channel works
+        ("number", "i8"),  # of the sample, since the run's start
         ("was_closed", "i8"),
         ("dead", "i8"),  # mask of poles without current, by the samples and by the breaker
         ("proven", "i8"),  # mask of phases whose voltage can be relied on
@@ -146,6 +147,7 @@ QUANTITIES = np.dtype(
         ("pilot", "i8"),  # * mask of poles of the pilot signal to the far end
         ("transfer", "i8"),  # * mask of poles to trip at the far end
         ("back_trip", "i8"),  # RBRF: mask of poles that the breakers around are to open
+        ("phasors", "i8"),  # PDIF: sets that it has measured; counts on
         ("notices", "i8"),  # something to tell has happened; counts on
         ("changed", "i8"),  # samples of this block at which a bit changed
         ("held", "i8"),  # a trip stood when the sample came
@@ -159,7 +161,7 @@ QUANTITIES = np.dtype(
 
 INPUTS = ("closed", "received", "received_all", "transferred", "linked")
 """Neighbouring fields, as are these:"""
-OUTPUTS = ("poles", "close_poles", "pilot", "transfer", "back_trip", "notices", "changed")
+OUTPUTS = ("poles", "close_poles", "pilot", "transfer", "back_trip", "phasors", "notices", "changed")
 
 
 def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
@@ -299,6 +301,7 @@ def compensate(g: Record, q: Record) -> None:
 @njit
 def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -> None:
     """Before the functions: what was measured, the memory, the change against it; publications cleared."""
+    q.number += 1
     for k in range(6):
         q.x[k] = complex(row[2 * k], row[2 * k + 1])
     turn = nominal_turn(g, q.memory.seen)

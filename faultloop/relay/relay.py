@@ -98,7 +98,7 @@ class Relay:
     @property
     def outputs(self) -> Outputs:
         """The outputs at the last sample done."""
-        return Outputs(*self._outputs[:5].tolist())
+        return Outputs(*self._outputs[:6].tolist())
 
     @property
     def fault_location(self) -> float:
@@ -206,7 +206,7 @@ class Relay:
 
     def set_inputs(self, inputs: RelayInputs) -> None:
         """From the next sample on."""
-        self._inputs[:] = inputs
+        self._inputs[:] = (*inputs, self.sample_count - 1)
 
     def estimate(self, samples: Array, phasors: Array, loops: Array) -> None:
         """What the decision then takes, of the next samples (n, 6), into (n, 14) and (n, 12)."""
@@ -232,10 +232,9 @@ class Relay:
                 raise InputError(what, file=self.settings.path, key=key) from error
 
     def _face(self) -> None:
-        """What looks into the arrays of its state."""
-        self._inputs = layout.neighbours(self._state, INPUTS)
+        """What looks into the arrays of its state: to copy bytes takes 1 us, field by field 17."""
+        self._inputs = layout.neighbours(self._state, (*INPUTS, "number"))
         self._outputs = layout.neighbours(self._state, OUTPUTS)
-        # A structured array is copied field by field (17 us for a relay's), its bytes at once (1 us).
         self._state_bytes = self._state.view(np.uint8)
         self._measure_bytes = self._measure_state.view(np.uint8)
 
@@ -345,3 +344,8 @@ def _measuring(settings: RelaySettings, c: np.void) -> tuple[NDArray[np.void], N
     for key in ("f", "frequency", "rocof"):
         state[key] = np.nan  # nothing measured yet
     return constants, state
+
+
+def records_of(relay: Relay) -> tuple[NDArray[np.void], NDArray[np.void]]:
+    """A relay's ``CONSTANTS`` and ``STATE``, each of shape (1,), for who hands differential data over."""
+    return relay._constants, relay._state

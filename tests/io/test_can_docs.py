@@ -9,7 +9,7 @@ import cantools
 from e2e import p01, p05
 
 from faultloop.io.can.dbc import DBC_PATH
-from faultloop.io.can.frames import Heartbeat, Measurements, Page, SampledValues, State, decode
+from faultloop.io.can.frames import Differential, Heartbeat, Measurements, Page, SampledValues, State, decode
 from faultloop.io.can.table import MESSAGES, STATE_KINDS, Kind
 
 
@@ -37,9 +37,9 @@ def test_the_vectors_on_the_page(root):
     """Made and read by faultloop; the CRC by another E2E library, the signals by cantools."""
     page = (root / "docs" / "can.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+\(.*\))` \| (0x\w+) \| `([0-9a-f ]+)` \|$", page, re.MULTILINE)
-    names = {c.__name__: c for c in (Heartbeat, Kind, Measurements, Page, SampledValues, State)} | {
-        "nan": nan
-    }
+    names = {
+        c.__name__: c for c in (Differential, Heartbeat, Kind, Measurements, Page, SampledValues, State)
+    } | {"nan": nan}
     database = cantools.database.load_file(DBC_PATH)
     seen = set()
     for text, identifier, data in rows:
@@ -51,7 +51,7 @@ def test_the_vectors_on_the_page(root):
         seen.add(kind)
         if kind in STATE_KINDS:
             assert p01.e2e_p01_check(bytearray(content), number)
-        if kind is Kind.SAMPLED_VALUES:
+        if kind in (Kind.SAMPLED_VALUES, Kind.DIFFERENTIAL):
             assert p05.e2e_p05_check(bytearray(content), number)
         signals = database.decode_message(number, content, decode_choices=False)
         if kind in STATE_KINDS:

@@ -188,6 +188,18 @@ def test_nodes_decide_as_the_simulation_does(name):
     assert closed_loop(scenario) == wanted
 
 
+@pytest.mark.parametrize("name", ["pott"])
+def test_both_ends_decide_as_the_simulation_does(name):
+    """Signals and currents of the far end go through the channel's queue in a process, too.  The bus takes no
+    time here, and up to 0.6 ms in the simulation: three samples."""
+    scenario = faultloop.load_scenario(SCENARIOS / f"{name}.toml")
+    simulated = faultloop.run(scenario).trips
+    wanted = sorted((t.relay, t.function, t.zone, t.loop, t.poles, t.sample_count) for t in simulated)
+    got = closed_loop(scenario)
+    assert [t[:5] for t in got] == [t[:5] for t in wanted]
+    assert max(abs(a[5] - b[5]) for a, b in zip(got, wanted, strict=True)) <= 3
+
+
 def test_samples_are_rounded_as_a_frame_does():
     random = np.random.default_rng(1)
     rows = random.normal(0, 1e5, (50, 6))

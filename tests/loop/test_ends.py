@@ -32,7 +32,7 @@ def refused(root: Path, change: Any = None, *overrides: str) -> tuple[str | None
         (
             lambda d: d.pop("channel"),
             "psch",
-            "relay 'RA' has a scheme, and no [[channel]] of the scenario links it to another",
+            "relay 'RA' has [psch], and no [[channel]] of the scenario links it to another",
         ),
         (
             lambda d: d["channel"][0].update(to="RX"),
@@ -47,7 +47,7 @@ def refused(root: Path, change: Any = None, *overrides: str) -> tuple[str | None
         (
             lambda d: d["relay"][1].update(settings="settings/ab-mho.toml"),
             "psch",
-            "relay 'RA' has a scheme, and its partner 'RB' has no [psch]",
+            "relay 'RA' has [psch], and its partner 'RB' has not",
         ),
     ],
 )

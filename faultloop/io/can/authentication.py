@@ -3,8 +3,9 @@
 A `Seal` sits at a node's edge: `close` what leaves, `open` what arrives.  `PLAIN` passes frames as they are.
 `CmacSeal` makes a CAN FD frame of 32 bytes out of the 8: the same 8 bytes, the freshness value (u64, ns since
 1970 on the run's clock) and the tag, the whole AES-128-CMAC over identifier (u32), the 8 bytes and the
-freshness; everything little endian.  The construction is SecOC's (AUTOSAR PRS_SecOc: authenticator over data
-id, payload and complete freshness value), the MAC is NIST SP 800-38B's.
+freshness; everything little endian.  Of the 32 bytes of differential data it makes 64, with 8 zeros before
+the tag and under it.  The construction is SecOC's (AUTOSAR PRS_SecOc: authenticator over data id, payload and
+complete freshness value), the MAC is NIST SP 800-38B's.
 """
 
 from __future__ import annotations
@@ -18,12 +19,12 @@ from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.cmac import CMAC
 
 from faultloop.io.can.frames import Frame, Message, Rejection, decode
-from faultloop.io.can.table import BY_IDENTIFIER, STATE_KINDS
+from faultloop.io.can.table import BY_IDENTIFIER, STATE_KINDS, Kind
 
 KEY_BYTES = 16
-SEALED_BYTES = 32
-_PAYLOAD = 8
-_TAG = 16  # where it begins
+SEALED_BYTES = {8: 32, 32: 64}
+"""Of a frame by its plain length."""
+_TAG_BYTES = 16
 _ID = Struct("<I")
 _FRESHNESS = Struct("<Q")
 
@@ -86,6 +87,7 @@ class CmacSeal:
         freshness = max(self._epoch_ns + t_ns, self._sent.get(frame.id, -1) + 1)
         self._sent[frame.id] = freshness
         body = frame.data + _FRESHNESS.pack(freshness)
+        body += bytes(SEALED_BYTES[len(frame.data)] - _TAG_BYTES - len(body))
         return Frame(frame.id, body + self._tag(frame.id, body), fd=True, brs=True)
 
     def open(self, t_ns: int, frame: Frame) -> Frame | Rejection:
@@ -93,8 +95,9 @@ class CmacSeal:
         objection = self._objection(t_ns, frame)
         if objection is not None:
             return objection
-        self._accepted[frame.id] = _FRESHNESS.unpack_from(frame.data, _PAYLOAD)[0]
-        return Frame(frame.id, frame.data[:_PAYLOAD])
+        plain = _plain_bytes(frame.id)
+        self._accepted[frame.id] = _FRESHNESS.unpack_from(frame.data, plain)[0]
+        return _unsealed(frame, plain)
 
     def _objection(self, t_ns: int, frame: Frame) -> Rejection | None:
         if frame.id not in self._prepared:
@@ -103,11 +106,12 @@ class CmacSeal:
             return Rejection.FORMAT
         if not frame.fd:
             return Rejection.NOT_AUTHENTICATED
-        if len(frame.data) != SEALED_BYTES:
+        plain = _plain_bytes(frame.id)
+        if len(frame.data) != SEALED_BYTES[plain]:
             return Rejection.LENGTH
-        if not compare_digest(self._tag(frame.id, frame.data[:_TAG]), frame.data[_TAG:]):
+        if not compare_digest(self._tag(frame.id, frame.data[:-_TAG_BYTES]), frame.data[-_TAG_BYTES:]):
             return Rejection.TAG  # first of all that is read: what is not authentic tells nothing more
-        freshness = _FRESHNESS.unpack_from(frame.data, _PAYLOAD)[0]
+        freshness = _FRESHNESS.unpack_from(frame.data, plain)[0]
         now_ns = self._epoch_ns + t_ns
         if not now_ns - self._max_age_ns <= freshness <= now_ns + self._max_ahead_ns:
             return Rejection.STALE
@@ -122,14 +126,24 @@ class CmacSeal:
         return cmac.finalize()
 
 
+def _plain_bytes(identifier: int) -> int:
+    """Of a frame that can be sealed."""
+    return 32 if identifier & ~0xF == Kind.DIFFERENTIAL else 8
+
+
+def _unsealed(frame: Frame, plain: int) -> Frame:
+    return Frame(frame.id, frame.data[:plain], fd=plain > 8, brs=plain > 8)
+
+
 def unsealed(frame: Frame) -> Frame:
     """The plain frame inside a sealed one, with nothing checked, for display; any other as it is."""
-    if frame.fd and len(frame.data) == SEALED_BYTES and not frame.extended:
-        return Frame(frame.id, frame.data[:_PAYLOAD])
+    plain = _plain_bytes(frame.id)
+    if frame.fd and len(frame.data) == SEALED_BYTES[plain] and not frame.extended:
+        return _unsealed(frame, plain)
     return frame
 
 
 def read(frame: Frame) -> Message | Rejection:
     """The message in a frame that was seen, also in an authenticated one, whose tag is not checked."""
     kind, _ = BY_IDENTIFIER.get(frame.id, (None, 0))
-    return decode(unsealed(frame) if kind in STATE_KINDS else frame)
+    return decode(unsealed(frame) if kind in (*STATE_KINDS, Kind.DIFFERENTIAL) else frame)

@@ -34,6 +34,16 @@ def _table_of_one_byte(polynomial: int) -> NDArray[np.uint8]:
 _STEP = _table_of_one_byte(0x1D)
 
 
+def _table_of_two_bytes(polynomial: int) -> NDArray[np.uint16]:
+    table = np.empty(256, np.uint16)
+    for byte in range(256):
+        crc = byte << 8
+        for _ in range(8):
+            crc = (crc << 1) ^ (polynomial if crc & 0x8000 else 0)
+        table[byte] = crc & 0xFFFF
+    return table
+
+
 @njit
 def crc8(data_id: int, data: NDArray[np.uint8], length: int) -> int:
     """CRC of the first ``length`` bytes under profile 1; byte 0, where it goes, is not read."""
@@ -46,6 +56,19 @@ def crc8(data_id: int, data: NDArray[np.uint8], length: int) -> int:
 def crc8_p01(data_id: int, data: bytes | bytearray) -> int:
     """CRC of a frame under profile 1; byte 0, where it goes, is not read."""
     return crc8(data_id, np.frombuffer(data, np.uint8), len(data))
+
+
+_STEP16 = _table_of_two_bytes(0x1021)
+
+
+@njit
+def crc16(data_id: int, data: NDArray[np.uint8], length: int) -> int:
+    """`crc16_p05` for kernels, of the first ``length`` bytes."""
+    crc = np.int64(0xFFFF)
+    for i in range(2, length):
+        crc = crc << 8 & 0xFFFF ^ np.int64(_STEP16[crc >> 8 ^ np.int64(data[i])])
+    crc = crc << 8 & 0xFFFF ^ np.int64(_STEP16[crc >> 8 ^ (data_id & 0xFF)])
+    return int(crc << 8 & 0xFFFF ^ np.int64(_STEP16[crc >> 8 ^ data_id >> 8]))
 
 
 def crc16_p05(data_id: int, data: bytes | bytearray) -> int:

@@ -13,7 +13,7 @@ from struct import Struct
 from struct import error as StructError
 from typing import NamedTuple
 
-from faultloop.io.can import port
+from faultloop.io.can import differential, port
 from faultloop.io.can.e2e import crc16_p05
 from faultloop.io.can.record import Bytes, message_fields, new_frame, new_message, taken
 from faultloop.io.can.table import BY_IDENTIFIER, BY_KIND, CURRENT_LSB, VOLTAGE_LSB, Kind
@@ -45,6 +45,7 @@ class Rejection(Enum):
     OLD = "older than one accepted before, or the same again"
     INCONSISTENT = "other poles under the same state number"
     SEQUENCE = "out of sequence, and no further frame confirms it yet"
+    SETTINGS = "of an end that is set otherwise"
 
     @property
     def code(self) -> int:
@@ -132,6 +133,35 @@ class SampledValues(NamedTuple):
         return invalid, _SIX.pack(*raw)
 
 
+class Differential(NamedTuple):
+    """Currents of a line end at an instant: ia ib ic [A RMS, complex] by the sender's clock; a NaN travels as
+    not valid and comes back as 0."""
+
+    number: int
+    time: int  # of the sender's clock [us], modulo 2^32
+    currents: tuple[complex, complex, complex]
+    agreement: int = 0
+    valid: int = 7
+    synchronized: int = 2
+    external: bool = False
+    transfer: bool = False
+    bare: bool = False
+    counter: int = 0
+    test: bool = False
+    heard: int = 0
+    ago: int = 0  # [us]
+
+    def encode(self) -> Frame:
+        frame = new_frame()
+        alarms = self.external | self.transfer << 1 | self.bare << 2
+        parts = [part for i in self.currents for part in (i.real, i.imag)]
+        head = (Kind.DIFFERENTIAL, self.number, self.time, self.counter, self.valid, self.ago, 0, self.test)
+        differential.encode_set_bytes(
+            new_message(*head, self.synchronized, alarms, self.agreement, self.heard, *parts), frame
+        )
+        return Frame(*taken(frame, 0))
+
+
 class Page(Enum):
     """What a measurements frame carries."""
 
@@ -167,7 +197,7 @@ class Heartbeat(NamedTuple):
         return _encoded(*head, *(0,) * 5, self.state, self.alarms, self.rejected)
 
 
-Message = State | SampledValues | Measurements | Heartbeat
+Message = State | SampledValues | Measurements | Heartbeat | Differential
 
 _SAMPLE_HEAD = Struct("<HBBI")
 _SIX = Struct("<6i")
@@ -231,6 +261,20 @@ def _decode_measurements(kind: Kind, number: int, frame: Frame) -> Measurements 
     return Measurements(number, page, (first, second, third), counter)
 
 
+def _decode_differential(kind: Kind, number: int, frame: Frame) -> Differential | Rejection:
+    message = new_message()
+    objection = differential.decode_set_bytes(new_frame(frame), message)
+    if objection:
+        return REJECTIONS[objection - 1]
+    fields = message_fields(message)
+    _, _, time, counter, valid, ago, _, test, synchronized, alarms, agreement, heard, *parts = fields
+    a, b, c = (complex(*parts[2 * k : 2 * k + 2]) for k in range(3))
+    bits = (bool(alarms & 1), bool(alarms & 2), bool(alarms & 4))
+    return Differential(
+        number, time, (a, b, c), agreement, valid, synchronized, *bits, counter, bool(test), heard, ago
+    )
+
+
 def _decode_heartbeat(kind: Kind, number: int, frame: Frame) -> Heartbeat:
     return Heartbeat(number, *_HEARTBEAT.unpack(frame.data))
 
@@ -243,6 +287,7 @@ _DECODERS = {
     Kind.TRIP: _decode_state,
     Kind.CLOSE: _decode_state,
     Kind.PILOT: _decode_state,
+    Kind.DIFFERENTIAL: _decode_differential,
     Kind.TRANSFER: _decode_state,
     Kind.BREAKER_FAILURE: _decode_state,
     Kind.BREAKER_STATUS: _decode_state,

@@ -1,6 +1,6 @@
 """The CAN port of a node, as kernels: messages into protected frames, and frames into messages.
 
-A refused frame is told by a number, `Rejection.code`; `FINE` is none.
+A refused frame is told by a number (`codes`).
 """
 
 from __future__ import annotations
@@ -10,31 +10,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.io.can.codes import CRC, FINE, FORMAT, LENGTH, UNKNOWN_ID, VALUE
+from faultloop.io.can.differential import encode_set
 from faultloop.io.can.e2e import P01_COUNTERS, crc8
 from faultloop.io.can.record import FRAME, MESSAGE, Bytes, Record
 from faultloop.io.can.table import BY_IDENTIFIER, TICK_NS, Kind
 from faultloop.jit import njit
 
-FINE = 0
-(
-    UNKNOWN_ID,
-    FORMAT,
-    LENGTH,
-    NOT_AUTHENTICATED,
-    TAG,
-    CRC,
-    VALUE,
-    TEST,
-    STALE,
-    BEFORE_START,
-    OLD,
-    INCONSISTENT,
-    SEQUENCE,
-) = range(1, 14)
-
 TRIP, CLOSE, PILOT, TRANSFER, BREAKER_STATUS = (
     int(kind) for kind in (Kind.TRIP, Kind.CLOSE, Kind.PILOT, Kind.TRANSFER, Kind.BREAKER_STATUS)
 )
+DIFFERENTIAL = int(Kind.DIFFERENTIAL)
 MEASUREMENTS, HEARTBEAT = int(Kind.MEASUREMENTS), int(Kind.HEARTBEAT)
 STATE_BYTES = 8
 NOBODY = -1
@@ -75,6 +61,9 @@ def ticks(t_ns: int) -> int:
 @njit
 def encode(m: Record, frame: Record) -> None:
     """A ``MESSAGE`` as the ``FRAME`` that carries it."""
+    if m.kind == DIFFERENTIAL:
+        encode_set(m, frame)
+        return
     frame.id = m.kind + m.number
     frame.length = STATE_BYTES
     frame.extended = 0

@@ -43,18 +43,18 @@ MESSAGE = np.dtype(
         ("alarms", "i8"),
         ("rejected", "i8"),
         ("page", "i8"),  # of measurements: these two
-        ("values", "f8", (3,)),
+        ("values", "f8", (7,)),
     ],
     align=True,
 )
-"""Any message of a node: a state, a heartbeat, a page of measurements."""
+"""Any message of a node: a state, a heartbeat, a page of measurements, the currents of a line end."""
 
 Record = Any
 """One element of a structured array, in a kernel."""
 Records = Any
 """A structured array: its elements have fields that no type checker knows."""
 
-_FRAME, _MESSAGE = Struct("<10q64s"), Struct("<12q3d")
+_FRAME, _MESSAGE = Struct("<10q64s"), Struct("<12q7d")
 Bytes = NDArray[np.uint8]
 """The bytes of one record.  Python calls a kernel with them within 1 us, with a record itself, whose type
 numba must find out, within 14."""
@@ -95,8 +95,8 @@ def new_message(*fields: float) -> Bytes:
 
 
 def message_fields(message: Any) -> tuple[Any, ...]:
-    """All fields of a ``MESSAGE``, the three values last."""
+    """All fields of a ``MESSAGE``, the values last."""
     return _MESSAGE.unpack(message)
 
 
-_ZEROS = (0,) * 12 + (0.0,) * 3
+_ZEROS = (0,) * 12 + (0.0,) * 7

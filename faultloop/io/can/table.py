@@ -18,6 +18,7 @@ OPERATIONAL = 5  # a heartbeat's state, as CANopen has it
 
 TICK_NS = 10_000  # the unit of every `time` signal: 10 us, so a u32 wraps after 11.9 hours
 CURRENT_LSB = 1e-3  # A  and
+PHASOR_LSB = 1e-2  # A, of a current phasor
 VOLTAGE_LSB = 1e-2  # V: the scale factors of IEC 61850-9-2LE and IEC 61869-9
 
 
@@ -27,6 +28,7 @@ class Kind(IntEnum):
     TRIP = 0x010
     CLOSE = 0x020
     PILOT = 0x030
+    DIFFERENTIAL = 0x040
     TRANSFER = 0x060
     BREAKER_FAILURE = 0x070
     BREAKER_STATUS = 0x100
@@ -107,6 +109,31 @@ MESSAGES = (
         Kind.PILOT, RELAYS, "RELAY", 8, False,
         "Pilot signal to the relay at the line's other end. Repeated as GOOSE repeats.",
         _protected("1: sent for this pole"),
+    ),
+    MessageType(
+        Kind.DIFFERENTIAL, RELAYS, "RELAY", 32, True,
+        "Currents of one line end at one instant, for the relays that a [[channel]] links; 8 a cycle.",
+        (
+            Signal("crc", 0, 16, comment="CRC-16 CCITT-FALSE over bytes 2 to 31 and the identifier"),
+            Signal("counter", 16, 8, comment="one more in each frame of this identifier"),
+            Signal("valid", 24, 3, comment="bit set of the phases that are valid, A first"),
+            Signal(
+                "synchronized", 27, 2, comment="the sender's clock",
+                choices={0: "none", 1: "channel", 2: "global"},
+            ),
+            Signal("external", 29, 1, comment="1: the sender sees a fault outside"),
+            Signal("transfer", 30, 1, comment="1: the sender trips, and so shall the others"),
+            Signal("test", 31, 1, comment="1: sent under test; a receiver that is not must not act on it"),
+            Signal("time", 32, 32, scale=1e-6, unit="s", comment="the instant that the currents are of"),
+            *(
+                Signal(f"i{p}_{part}", 64 + 48 * i + 24 * j, 24, True, PHASOR_LSB, "A")
+                for i, p in enumerate("abc") for j, part in enumerate(("re", "im"))
+            ),
+            Signal("bare", 208, 1, comment="1: charging is not taken off, as this end has no voltage"),
+            Signal("heard", 216, 8, comment="counter of the last set of the (first) other end ..."),
+            Signal("ago", 240, 16, scale=1e-6, unit="s", comment="... heard so long before `time`; 0: none"),
+            Signal("agreement", 224, 16, comment="hash of what all ends must have alike"),
+        ),
     ),
     MessageType(
         Kind.TRANSFER, RELAYS, "RELAY", 8, False,

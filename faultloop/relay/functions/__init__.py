@@ -5,6 +5,7 @@ from __future__ import annotations
 from faultloop.relay.functions.element import ELEMENT
 from faultloop.relay.functions.function import Function
 from faultloop.relay.functions.lphd import LPHD
+from faultloop.relay.functions.pdif import PDIF
 from faultloop.relay.functions.pdis import PDIS
 from faultloop.relay.functions.pfrc import PFRC
 from faultloop.relay.functions.phs import PHS
@@ -27,7 +28,7 @@ from faultloop.relay.functions.tvtr import TVTR
 from faultloop.relay.functions.zload import ZLOAD
 
 FUNCTIONS: tuple[Function, ...] = (
-    *(TVTR, RPSB, PHS, ZLOAD, RDIR, PDIS, PSOF, PSCH),
+    *(TVTR, RPSB, PHS, ZLOAD, RDIR, PDIS, PSOF, PSCH, PDIF),
     *(PIOC, PTOC, PTUV, PTOV, PTUF, PTOF, PFRC, ELEMENT),
     *(RSYN, RBRF, PTRC, RREC, RFLO, LPHD),
 )

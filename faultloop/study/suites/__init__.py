@@ -11,9 +11,11 @@ from faultloop.study.report import Report
 
 SUITES = {
     "bus": "a breaker node under fuzzed frames; the bus under faults",
+    "differential": "line differential of two and three ends",
     "distance": "type tests of the distance relay, in the style of IEC 60255-121",
     "estimators": "every estimator over decay constants, inception angles, noise and frequency",
     "functions": "validation cases of every function and component, curves, parallel lines, reclosing",
+    "schemes": "pilot schemes at both ends of a line",
     "seeds": "the five papers' cases, their figures beside ours",
     "synchrophasor": "the class tests of IEC/IEEE 60255-118-1",
 }

@@ -1,0 +1,419 @@
+"""PDIF: line differential; the currents of all ends, phase by phase, at the same instant.
+
+Eight times a cycle each end measures its currents by a full-cycle Fourier filter, the same at all ends
+whatever the distance part uses (what an adaptive estimator adds it adds at each end at its own moment, and it
+does not cancel: false by thousands of amperes), takes half of what the line charges from them, and sends them
+with their time.  Where the sets of all ends for one instant are there, the rules decide
+(`faultloop.relay.differential`): each phase, and the negative- and zero-sequence currents of the ends, which
+load does not weaken.
+
+- A trip needs `confirm` sets in a row.  A set that is missing is not guessed: the count begins anew.
+- When the restraint jumps while the sum stays below a tenth of that, the fault is outside; for `external_s`
+  the rules are harder, three times as many sets are needed, and the sequence elements rest.
+- A current that is missing (open CT) takes its phase out at every end.  Charging is taken off with the
+  voltage of this end; an end that has none says so, and the other takes its half, too.
+- Each set says by which rule it is meant (a hash of what both ends must agree on); a set of another
+  line, or of other settings, is refused before it gets here, and so is one that is old, or twice there.
+- A trip is told to the others, which then trip, too (`transfer`): an end that has all currents decides.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from binascii import crc_hqx
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from faultloop.config.tables import Milliseconds, NonNegative, Positive, Seconds, Table
+from faultloop.jit import njit
+from faultloop.relay.differential import RULE, differential, operates, restraint
+from faultloop.relay.events import Event, Names
+from faultloop.relay.functions.function import Function
+from faultloop.relay.functions.psch import type_of
+from faultloop.relay.memory import A2, A
+from faultloop.relay.quantities import Record, indicate, publish, request_trip
+from faultloop.relay.recent import LENGTH
+
+if TYPE_CHECKING:
+    from faultloop.relay.settings import RelaySettings
+
+PER_CYCLE = 8
+"""Sets in a cycle."""
+SLOTS = 16
+"""Sets that are kept: two cycles, and so the longest delay that is bridged."""
+REMOTES = 2
+NO_SET = -1
+UNBALANCED = 0.05
+"""I2 or I0 over I1, at every end that carries more than the pickup: below it unbalance is an error's."""
+JUMP = 0.25
+"""Of the pickup of a phase, times ten: by so much the restraint grows when a fault begins ..."""
+QUIET = 0.1
+"""... and so much of that the sum may be at most for a fault outside."""
+LOST_SETS = 2
+
+SET = np.dtype(
+    [
+        ("index", "i8"),  # number of the eighth of a cycle; NO_SET
+        ("valid", "i8"),  # mask of phases
+        ("bare", "i8"),  # 1: charging is not taken off
+        ("i", "c16", (3,)),
+        ("charging", "c16", (3,)),  # of half the line, own sets only
+    ],
+    align=True,
+)
+REMOTE = np.dtype(
+    [
+        ("number", "i8"),  # of the relay; in the order of the node's sources
+        ("transfers", "i8"),  # sets in a row that say that this end shall trip
+        ("synchronized", "i8"),
+        ("set", SET, (SLOTS,)),
+    ],
+    align=True,
+)
+
+
+class Pdif(Table):
+    """``[pdif]``: line differential; the other ends have the same, and a ``[[channel]]`` to this one."""
+
+    pickup_a: Positive
+    """Of the differential current of a phase; above what the line charges, or 0.2 of the nominal current."""
+    characteristic: Literal["alpha", "percentage"] = "alpha"
+    """The alpha plane, or a percentage with two slopes."""
+    alpha_ratio: Annotated[float, Field(gt=1, le=100)] = 6.0
+    """R of the alpha plane."""
+    alpha_angle_deg: Annotated[float, Field(ge=90, lt=360)] = 195.0
+    """The whole restraining sector."""
+    slope1: Annotated[float, Field(ge=0.1, le=2)] = 0.3
+    """Of the percentage: |sum| over half the sum of magnitudes ..."""
+    slope2: Annotated[float, Field(ge=0.1, le=2)] = 1.5
+    """... and beyond `knee_a`."""
+    knee_a: Positive | None = None
+    """Ten times the pickup where not given."""
+    negative_a: Positive | None = None
+    """Pickup of the negative-sequence element; half that of a phase where not given."""
+    zero_a: Positive | None = None
+    """The same of the zero-sequence element."""
+    sequence: bool = True
+    """Whether these two are there: faults of high resistance under load."""
+    sequence_ms: Milliseconds = 20.0
+    """So long they must last."""
+    confirm: Annotated[int, Field(ge=1, le=16)] = 3
+    """Sets in a row, 8 a cycle, that a trip needs."""
+    external_s: Seconds = 1.0
+    """So long after a fault outside has begun the rules are harder; 0: never."""
+    b1_us: NonNegative = 0.0
+    """Of the whole line, positive sequence: with it charging is taken off."""
+    b0_us: NonNegative = 0.0
+    """Zero sequence."""
+    transfer: bool = True
+    """A trip of this function trips every end."""
+    identification: Annotated[str, Field(max_length=32)] = ""
+    """Of the line; what both ends are told must be the same."""
+    alignment: Literal["global", "channel"] = "global"
+    """By a time that all ends have, or by the channel's round trip: both ways are taken for equally long."""
+    channel_alarm_ms: Milliseconds = 100.0
+    """So long without a set of an end before ``ChBlk`` is told."""
+
+    @model_validator(mode="after")
+    def _slopes(self) -> Pdif:
+        if self.slope2 < self.slope1:
+            raise ValueError(f"slope2 must be at least slope1, {self.slope1:g}")
+        return self
+
+
+AGREED = (
+    "pickup_a", "characteristic", "alpha_ratio", "alpha_angle_deg", "slope1", "slope2", "knee_a",
+    "negative_a", "zero_a", "sequence", "confirm", "alignment", "b1_us", "b0_us", "transfer",
+    "identification",
+)  # fmt: skip
+"""What all ends must have alike."""
+
+
+BY_CHANNEL = 1 << 16
+
+
+def agreement(settings: RelaySettings) -> int:
+    """Hash of what all ends must have alike, 16 bits, with `BY_CHANNEL` where that aligns; 0: no table."""
+    table = settings.pdif
+    if table is None:
+        return 0
+    said = [getattr(table, key) for key in AGREED] + [settings.relay.frequency_hz, settings.relay.ohms]
+    own = crc_hqx(json.dumps(said).encode(), 0xFFFF) or 1
+    return own | (BY_CHANNEL if table.alignment == "channel" else 0)
+
+
+def values(settings: RelaySettings, table: Pdif) -> dict[str, Any]:
+    """The rules in primary amperes; times in samples and sets; half the line's susceptances [S]."""
+    pickup = settings.amperes(table.pickup_a, 0.0)
+    common = {
+        "alpha": table.characteristic == "alpha",
+        "ratio": table.alpha_ratio,
+        "half_angle_cos": math.cos(math.radians(table.alpha_angle_deg) / 2),
+        "slope1": table.slope1,
+        "slope2": table.slope2,
+        "knee": settings.amperes(table.knee_a, 10 * pickup),
+    }
+    rule = np.zeros(3, RULE)
+    for k, own in enumerate((pickup, settings.amperes(table.negative_a, pickup / 2),
+                             settings.amperes(table.zero_a, pickup / 2))):  # fmt: skip
+        for key, value in (common | {"pickup": own, "alpha": common["alpha"] or k > 0}).items():
+            rule[k][key] = value
+    return {
+        "rule": rule,
+        "sequence": table.sequence,
+        "sequence_sets": max(round(table.sequence_ms * 1e-3 * PER_CYCLE * settings.relay.frequency_hz), 1),
+        "confirm": table.confirm,
+        "external": settings.samples(table.external_s * 1e3),
+        "b1": table.b1_us * 1e-6 / 2,
+        "b0": table.b0_us * 1e-6 / 2,
+        "transfer": table.transfer,
+        "per_cycle": PER_CYCLE,
+        "by_channel": table.alignment == "channel",
+        "channel_alarm": settings.samples(table.channel_alarm_ms),
+        "hash": agreement(settings) & 0xFFFF,
+    }
+
+
+@njit
+def fourier(g: Record, q: Record, channel: int, turn: complex) -> complex:
+    """Full-cycle phasor of a channel of the recent samples, RMS, against cos(2 pi f0 t); ``turn`` is
+    e^(j w0 t) of the newest one."""
+    r = q.recent
+    step = complex(math.cos(g.turn_per_value), math.sin(g.turn_per_value))
+    phase = turn.conjugate()
+    total = 0j
+    for k in range(g.values):
+        total += r.value[(r.head - k) % LENGTH, channel] * phase
+        phase *= step
+    return total * (math.sqrt(2.0) / g.values)
+
+
+@njit
+def measure(g: Record, q: Record, c: Record, w: Record, index: int) -> None:
+    """The own set of this instant."""
+    t = q.number / g.sampling
+    angle = 2 * math.pi * g.frequency * (t - math.floor(t))
+    turn = complex(math.cos(angle), math.sin(angle))
+    own = w.own[index % SLOTS]
+    own.index = index
+    own.valid = 7 & ~q.missing
+    own.bare = 1 if q.fuse_failure else 0
+    charges = c.b1 > 0.0
+    if charges:
+        va, vb, vc = fourier(g, q, 0, turn), fourier(g, q, 1, turn), fourier(g, q, 2, turn)
+        v0 = (va + vb + vc) / 3
+        own.charging[0] = 1j * (c.b1 * (va - v0) + c.b0 * v0)
+        own.charging[1] = 1j * (c.b1 * (vb - v0) + c.b0 * v0)
+        own.charging[2] = 1j * (c.b1 * (vc - v0) + c.b0 * v0)
+    for phase in range(3):
+        own.i[phase] = fourier(g, q, 3 + phase, turn)
+        if charges and not own.bare:
+            own.i[phase] -= own.charging[phase]
+
+
+@njit
+def complete(w: Record, index: int) -> bool:
+    """Whether every end's set of an instant is there."""
+    if w.own[index % SLOTS].index != index or w.remotes == 0:
+        return False
+    there = 0
+    for k in range(w.remotes):
+        there += w.remote[k].set[index % SLOTS].index == index
+    return there == w.remotes
+
+
+@njit
+def gathered(c: Record, w: Record, index: int, phase: int, out: Any) -> None:
+    """The currents of a phase of all ends, (1 + remotes,) into ``out``; charging that a remote end could not
+    take off is taken off here."""
+    own = w.own[index % SLOTS]
+    out[0] = own.i[phase]
+    for k in range(w.remotes):
+        far = w.remote[k].set[index % SLOTS]
+        out[1 + k] = far.i[phase]
+        if far.bare and not own.bare and c.b1 > 0.0:
+            out[1 + k] -= own.charging[phase]
+
+
+@njit
+def sequence_of(c: Record, w: Record, index: int, which: int, out: Any, first: Any) -> bool:
+    """Negative (1) or zero (2) sequence of every end into ``out``; whether they are more than what errors
+    of the positive sequence (into ``first``) leave."""
+    more = True
+    for k in range(1 + w.remotes):
+        s = w.own[index % SLOTS] if k == 0 else w.remote[k - 1].set[index % SLOTS]
+        a, b, d = s.i[0], s.i[1], s.i[2]
+        out[k] = (a + A2 * b + A * d) / 3 if which == 1 else (a + b + d) / 3
+        first[k] = (a + A * b + A2 * d) / 3
+        if abs(first[k]) > c.rule[0].pickup and abs(out[k]) < UNBALANCED * abs(first[k]):
+            more = False
+    return more
+
+
+@njit
+def watch_outside(c: Record, w: Record, index: int) -> None:
+    """A fault outside: the restraint has jumped against a cycle before, the sum has not."""
+    if c.external == 0:
+        return
+    for phase in range(3):
+        gathered(c, w, index, phase, w.currents)
+        bias = restraint(w.currents, 1 + w.remotes) / 2
+        total = abs(differential(w.currents, 1 + w.remotes))
+        before = w.bias[phase, (index + 1) % PER_CYCLE]
+        w.bias[phase, index % PER_CYCLE] = bias
+        grown = bias - before
+        if w.seen >= PER_CYCLE and grown > 10 * JUMP * c.rule[0].pickup and grown > JUMP * before:
+            if w.jump[phase] == 0:
+                w.jump[phase] = 1 if total < QUIET * grown else 2
+        else:
+            w.jump[phase] = 0
+    # every phase that has jumped says so: a fault inside beside one outside is not hidden
+    outside = inside = 0
+    for phase in range(3):
+        outside += w.jump[phase] == 1
+        inside += w.jump[phase] == 2
+    if outside and not inside and not w.declared:
+        w.external = c.external
+        w.declared = 1
+    if not outside:
+        w.declared = 0
+
+
+@njit
+def judge(c: Record, w: Record, index: int) -> None:
+    """The rules on a complete set: counts for each phase and for the two sequence elements."""
+    n = 1 + w.remotes
+    watch_outside(c, w, index)
+    valid = w.own[index % SLOTS].valid
+    for k in range(w.remotes):
+        valid &= w.remote[k].set[index % SLOTS].valid
+    secure = w.external > 0
+    for phase in range(3):
+        gathered(c, w, index, phase, w.currents)
+        outside = (valid >> phase) & 1 and operates(c.rule[0], w.currents, n, secure)
+        w.count[phase] = w.count[phase] + 1 if outside else 0
+    for which in range(1, 3):
+        outside = False
+        if c.sequence and valid == 7 and not secure:
+            more = sequence_of(c, w, index, which, w.currents, w.first)
+            outside = more and operates(c.rule[which], w.currents, n, False)
+        w.count[2 + which] = w.count[2 + which] + 1 if outside else 0
+    w.last = index
+    w.seen += 1
+    w.age = 0
+
+
+@njit
+def reset(w: Record) -> None:
+    """What was counted is not of sets in a row."""
+    for k in range(5):
+        w.count[k] = 0
+
+
+@njit
+def step(g: Record, q: Record, c: Record, w: Record) -> None:
+    """One sample; before the trip logic."""
+    index = (q.number * PER_CYCLE) * np.int64(g.frequency) // np.int64(g.sampling)
+    if index != w.index and q.settled:
+        w.index = index
+        measure(g, q, c, w, index)
+        q.phasors += 1  # and so it is sent
+    if w.external > 0:
+        w.external -= 1
+    blocked = w.out_of_time != 0
+    # sets of the past that have become complete, in their order
+    first = max(w.last + 1, w.index - SLOTS + 1)
+    for k in range(first, w.index + 1):
+        if complete(w, k) and not blocked:
+            if k != w.last + 1:
+                reset(w)
+            judge(c, w, k)
+    w.age += 1
+    sets_missing = w.index - w.last > LOST_SETS + SLOTS // 2
+    if sets_missing or blocked:
+        reset(w)
+    poles = 0
+    needed = 3 * c.confirm if w.external > 0 else c.confirm
+    started = False
+    for phase in range(3):
+        started |= w.count[phase] > 0
+        if w.count[phase] >= needed:
+            poles |= 1 << phase
+    negative = w.count[3] >= max(c.sequence_sets, needed)
+    zero = w.count[4] >= max(c.sequence_sets, needed)
+    told = 0
+    for k in range(w.remotes):
+        if w.remote[k].transfers >= 2:
+            told = 7
+    if poles:
+        request_trip(q, c.bit, type_of(poles), 0)
+    elif negative or zero or (told and c.transfer):
+        request_trip(q, c.bit, q.fault, 1)
+    w.trips = poles != 0 or negative or zero
+    silent = w.age > c.channel_alarm
+    if silent and not w.silent:
+        w.losses += 1
+        q.notices += 1
+    w.silent = silent
+    publish(q, c.bit, started, poles != 0)
+    q.operate |= np.uint64(negative) << np.uint64(c.bit + 1)
+    q.operate |= np.uint64(zero) << np.uint64(c.bit + 2)
+    indicate(q, c.bit + 3, w.external > 0)
+    indicate(q, c.bit + 4, silent or blocked)
+    indicate(q, c.bit + 5, (7 & ~w.own[w.index % SLOTS].valid) != 0)
+    indicate(q, c.bit + 6, told != 0)
+
+
+def tell(names: Names, was: Any, now: Any) -> Iterator[Event]:
+    """Sets that do not come."""
+    if now["losses"] != was["losses"]:
+        text = (
+            "PDIF1 ChBlk: no currents of the other end at the same time; the function is out, zones are not"
+        )
+        yield Event(names.sample, "warning", text)
+
+
+PDIF = Function(
+    name="PDIF",
+    settings=Pdif,
+    step=step,
+    constants=(
+        ("rule", RULE, (3,)),  # phase, negative, zero sequence
+        *((name, "i8") for name in ("sequence", "sequence_sets", "confirm", "external")),
+        ("b1", "f8"),
+        ("b0", "f8"),
+        ("transfer", "i8"),
+        ("per_cycle", "i8"),  # for who hands the sets over
+        ("by_channel", "i8"),
+        ("channel_alarm", "i8"),
+        ("hash", "i8"),
+    ),
+    values=values,
+    state=(
+        ("index", "i8"),  # of the newest own set
+        ("last", "i8"),  # of the newest complete one
+        ("age", "i8"),  # samples since that
+        ("seen", "i8"),  # complete sets
+        ("external", "i8"),  # samples for which a fault outside is still known
+        ("declared", "i8"),
+        ("remotes", "i8"),
+        ("out_of_time", "i8"),  # mask of the other ends with which there is no common time
+        ("trips", "i8"),
+        ("silent", "i8"),
+        ("losses", "i8"),
+        ("count", "i8", (5,)),  # sets in a row outside the restraint: phases, negative, zero sequence
+        ("jump", "i8", (3,)),  # 1: outside, 2: not, while the restraint is grown
+        ("bias", "f8", (3, PER_CYCLE)),
+        ("currents", "c16", (1 + REMOTES,)),
+        ("first", "c16", (1 + REMOTES,)),
+        ("own", SET, (SLOTS,)),
+        ("remote", REMOTE, (REMOTES,)),
+    ),
+    start={"index": NO_SET, "last": NO_SET},
+    bits=("", "NgOp", "ResOp", "ExtFlt", "ChBlk", "OpnCT", "RxTr"),
+    tell=tell,
+)

@@ -1,0 +1,275 @@
+"""The cases of the suite, part by part, as data; docs/relay.md (PDIF) says what each shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from faultloop.study.suites.distance.network import LINE
+from faultloop.study.suites.schemes.network import (
+    LENGTH_KM,
+    TYPES,
+    Case,
+    Expected,
+    Tables,
+    end,
+    fault,
+    line,
+    settings,
+    single_line,
+    source,
+)
+
+PICKUP_A = 200.0
+"""0.2 of 1000 A."""
+CAN = {"fd": True}
+QUIET = Expected(False, never="PDIF1 Str")
+NONE = Expected(False)
+TRIP = Expected(True, "PDIF1", 30.0)
+PAIRS = (("RA", "RB"), ("RB", "RC"), ("RA", "RC"))
+BOTH = {"RA": TRIP, "RB": TRIP}
+NOBODY = {"RA": QUIET, "RB": QUIET}
+SATURATING = {
+    "name": "C", "ratio": [1200.0, 5.0], "model": "saturating", "class": "TPX",
+    "rw_ohm": 0.5, "burden_ohm": [2.0, 0.5],
+}  # fmt: skip
+
+
+def differential(length_km: float = LENGTH_KM, zones: bool = False, **keys: Any) -> Tables:
+    """Settings with a line differential, without zones unless asked for."""
+    own = {
+        "pickup_a": PICKUP_A,
+        "b1_us": LINE["b1_us_per_km"] * length_km,
+        "b0_us": LINE["b0_us_per_km"] * length_km,
+    }
+    more: Mapping[str, Any] = {} if zones else {"pdis": None, "ptrc": None}
+    return settings(pdif=own | keys, **more)
+
+
+def on_line(**keys: Any) -> Tables:
+    """The one line, its channel without a delay but the bus's unless said otherwise."""
+    channel = {"delay_ms": 0.0} | keys.pop("channel", {})
+    return single_line(channel=channel, can=CAN, **keys)
+
+
+def angles(quick: bool) -> list[float]:
+    """Points on wave."""
+    return [0.0, 90.0] if quick else [float(a) for a in np.arange(0.0, 180.0, 22.5)]
+
+
+def internal(quick: bool) -> Iterator[Case]:
+    """A fault on the line, behind sources of any strength."""
+    types = ("AG", "BC", "ABC") if quick else ("AG", "BC", "CAG", "ABC")
+    for sources in ((14.0, 20.0),) if quick else ((14.0, 20.0), (4.0, 1200.0), (1200.0, 4.0)):
+        for at in (0.02, 0.5, 0.98):
+            for type_ in types:
+                for angle in angles(quick):
+                    where = f"{type_} at {100 * at:g} %, {angle:g} degrees"
+                    yield Case(
+                        f"{where}, sources {sources[0]:g} and {sources[1]:g} ohm",
+                        on_line(sources=sources, duration_s=0.15, fault=[fault("AB", at, type_, angle)]),
+                        differential(),
+                        BOTH,
+                    )
+
+
+def external(quick: bool) -> Iterator[Case]:
+    """A fault outside, both sides, by both characteristics: no start."""
+    for characteristic in ("alpha", "percentage"):
+        for place in ({"bus": "A"}, {"line": "BC", "at_pu": 0.02}):
+            for type_ in ("AG", "BC") if quick else TYPES:
+                for angle in angles(True) if quick else angles(False)[::2]:
+                    own = {"type": type_, "angle_deg": angle, "after_s": 0.06} | place
+                    where = "at A" if "bus" in place else "behind B"
+                    yield Case(
+                        f"{characteristic}, {type_} {where}, {angle:g} degrees",
+                        on_line(duration_s=0.2, fault=[own]),
+                        differential(characteristic=characteristic),
+                        NOBODY,
+                    )
+
+
+def saturation(quick: bool) -> Iterator[Case]:
+    """A current transformer at B saturates for a fault behind it; then a fault on the line beside it."""
+    voltages = (60.0, 150.0) if quick else (40.0, 60.0, 100.0, 150.0, 250.0)
+    for characteristic in ("alpha", "percentage"):
+        for volts in voltages:
+            for type_ in ("ABC",) if quick else ("ABC", "BC", "AG"):
+                for angle in (0.0,) if quick else (0.0, 90.0):
+
+                    def made(
+                        *more: Tables, volts: float = volts, type_: str = type_, angle: float = angle
+                    ) -> Tables:
+                        own = on_line(
+                            sources=(8.0, 20.0),
+                            duration_s=0.4 if more else 0.3,
+                            fault=[fault("BC", 0.01, type_, start_s=0.06 + angle / 18000), *more],
+                            ct=[SATURATING | {"vs_v": volts}],
+                        )
+                        own["relay"][1]["ct"] = "C"
+                        return own
+
+                    name = f"{characteristic}, {type_} behind B, {angle:g} degrees, knee at {volts:g} V"
+                    set_ = differential(characteristic=characteristic)
+                    yield Case(name, made(), set_, {"RA": NONE, "RB": NONE})
+                    then = Expected(True, "PDIF1", 160.0, 100.0)
+                    second = fault("AB", 0.5, "AG" if type_ == "BC" else "BCG", start_s=0.16, name="F2")
+                    if type_ != "ABC":
+                        yield Case(f"{name}, then inside", made(second), set_, {"RA": then, "RB": then})
+
+
+def resistance(quick: bool) -> Iterator[Case]:
+    """A-G through a resistance in the middle, under load: which element sees it."""
+    seen = Expected(True, "PDIF1", 60.0)
+    for ohm, by_phases in ((50.0, True), (300.0, True), (500.0, False), (1000.0, False)):
+        faults = [fault("AB", 0.5, "AG", 30.0, resistance_ohm=ohm)]
+        tables = on_line(fault=faults, duration_s=0.3)
+        name = f"A-G through {ohm:g} ohm"
+        yield Case(
+            f"{name}, all elements",
+            tables,
+            differential(negative_a=PICKUP_A / 6, zero_a=PICKUP_A / 6),
+            {"RA": seen, "RB": seen},
+        )
+        alone = seen if by_phases else NONE
+        yield Case(f"{name}, phases alone", tables, differential(sequence=False), {"RA": alone, "RB": alone})
+
+
+def charging(quick: bool) -> Iterator[Case]:
+    """300 km take 108 A; a pickup of 60 A stands it with compensation only.  The line is energized, too."""
+    for compensated in (True, False):
+        own = differential(300.0, pickup_a=60.0, sequence=False)
+        if not compensated:
+            own["pdif"] |= {"b1_us": 0.0, "b0_us": 0.0}
+        own["line"] = {key: [3 * part for part in pair] for key, pair in own["line"].items()}
+        expected = NOBODY if compensated else {"RA": Expected(True), "RB": Expected(True)}
+        name = "compensated" if compensated else "not compensated: trips"
+        if not compensated:
+            nothing = on_line(length_km=300.0, duration_s=0.2)
+            nothing["breaker"][1]["closed"] = False
+            yield Case(f"300 km, {name}", nothing, own, expected)
+            continue
+        for sources in ((14.0, 20.0), (14.0, None)):
+            open_ = "" if sources[1] else ", far end without a source"
+            tables = on_line(length_km=300.0, sources=sources, duration_s=0.2)
+            yield Case(f"300 km, {name}{open_}", tables, own, expected)
+
+
+def one_end(quick: bool) -> Iterator[Case]:
+    """B has no source, or an open breaker: it trips with A."""
+    faults = [fault("AB", 0.5, "AG")]
+    yield Case("no source at B", on_line(sources=(14.0, None), fault=faults), differential(), BOTH)
+    opened = on_line(fault=faults)
+    opened["breaker"][1]["closed"] = False
+    yield Case("breaker at B open", opened, differential(), {"RA": TRIP})
+    grown = [
+        fault("BC", 0.1, "AG", start_s=0.06),
+        fault("AB", 0.5, "BG", start_s=0.12, name="F2"),
+    ]
+    late = Expected(True, "PDIF1", 120.0, 60.0)
+    yield Case(
+        "A-G behind B, then B-G inside", on_line(fault=grown), differential(), {"RA": late, "RB": late}
+    )
+
+
+def frequency(quick: bool) -> Iterator[Case]:
+    """Off the nominal frequency, with load: no start; a fault then trips."""
+    for hz in (47.0, 52.0) if quick else (47.0, 48.0, 49.0, 51.0, 52.0):
+        quiet = on_line(source_hz=hz, duration_s=0.4)
+        yield Case(f"{hz:g} Hz, load", quiet, differential(), NOBODY)
+        own = on_line(source_hz=hz, duration_s=0.2, fault=[fault("AB", 0.5, "AG", start_s=0.06)])
+        yield Case(f"{hz:g} Hz, A-G inside", own, differential(), BOTH)
+
+
+def asymmetry(quick: bool) -> Iterator[Case]:
+    """Aligned by the round trip while the two ways differ: an external fault of some kA."""
+    for ms in (0.0, 2.0, 5.0) if quick else np.arange(0.0, 5.25, 0.5):
+        channel = {"delay_ms": 5.0, "asymmetry_ms": float(ms)}
+        beyond = on_line(channel=channel, duration_s=0.5, fault=[fault("BC", 0.1, "BC", start_s=0.35)])
+        own = differential(alignment="channel", sequence=False)
+        yield Case(f"{ms:g} ms, BC behind B, alpha", beyond, own, {"RA": NONE, "RB": NONE})
+        inside = on_line(channel=channel, duration_s=0.5, fault=[fault("AB", 0.5, "BC", start_s=0.35)])
+        if ms <= 2.0:
+            trip = TRIP._replace(within_ms=40.0)
+            yield Case(f"{ms:g} ms, BC inside, alpha", inside, own, {"RA": trip, "RB": trip})
+
+
+def channel(quick: bool) -> Iterator[Case]:
+    """Delays, jitter, losses, another path, none at all, another's sets; times that are lost."""
+    inside = [fault("AB", 0.5, "AG", start_s=0.35)]
+    by_channel = differential(alignment="channel")
+    later = {name: TRIP._replace(within_ms=60.0) for name in ("RA", "RB")}
+    for name, keys, own in (
+        ("20 ms", {"delay_ms": 20.0}, differential()),
+        ("jitter 0.5 ms", {"delay_ms": 5.0, "jitter_ms": 0.5}, by_channel),
+        ("loss 1 %", {"delay_ms": 5.0, "loss": 0.01}, by_channel),
+        ("loss 10 %", {"delay_ms": 5.0, "loss": 0.1}, by_channel),
+        ("path 5 to 12 ms", {"delay_ms": 5.0, "switch_at_s": [0.15], "switch_delay_ms": [12.0]}, by_channel),
+        (
+            "path 5 to 12 ms, ways that differ by 2 ms",
+            {"delay_ms": 5.0, "switch_at_s": [0.15], "switch_delay_ms": [12.0], "switch_asymmetry_ms": [2.0]},
+            by_channel,
+        ),
+    ):
+        yield Case(f"{name}, load", on_line(channel=keys, duration_s=0.5), own, NOBODY)
+        yield Case(f"{name}, A-G inside", on_line(channel=keys, duration_s=0.5, fault=inside), own, later)
+    near = {name: Expected(True, "PDIS1", 20.0, event="PDIF1 ChBlk") for name in ("RA", "RB")}
+    gone = on_line(channel={"out_at_s": 0.1}, duration_s=0.5, fault=inside)
+    yield Case("out, A-G inside: zones, and an alarm", gone, differential(zones=True), near)
+    wrong = on_line(channel={"misrouted": "RA"}, duration_s=0.5, fault=inside)
+    yield Case("this end's own sets come back", wrong, differential(zones=True), {"RB": near["RB"]})
+    for lost in (0.0, 0.2):
+        clock = [{"node": "RB", "drift_ppm": 100.0, "offset_us": 0.0, "lost_at_s": lost}]
+        told = Expected(False, event="PDIF1 ChBlk")
+        tables = on_line(clock=clock, duration_s=0.5)
+        yield Case(f"time lost at {lost:g} s, load", tables, differential(), {"RA": told, "RB": told})
+    apart = [{"node": "RB", "drift_ppm": 50.0, "offset_us": 123456.0, "lost_at_s": 0.0}]
+    yield Case("clocks 123 ms apart, 50 ppm, by the round trip, load", on_line(clock=apart, duration_s=0.5),
+               by_channel, NOBODY)  # fmt: skip
+    yield Case("the same, A-G inside", on_line(clock=apart, duration_s=0.5, fault=inside), by_channel, later)
+
+
+def three_ends(quick: bool) -> Iterator[Case]:
+    """A line with a tee, 40 km to each end."""
+    names = "ABC"
+    ends = [end(f"R{bus}", f"{bus}T", "from") for bus in names]
+
+    def tables(faults: list[Tables], ohms: tuple[float, ...] = (14.0, 20.0, 40.0)) -> Tables:
+        return {
+            "scenario": {"name": "three ends", "duration_s": 0.2, "seed": 1},
+            "system": {"frequency_hz": 50, "base_kv": 220.0},
+            "source": [source(f"S{bus}", bus, ohm, 4.0 * k) for k, (bus, ohm) in
+                       enumerate(zip(names, ohms, strict=True))],
+            "line": [line(f"{bus}T", bus, "T", 40.0) for bus in names],
+            "relay": [relay for relay, _ in ends],
+            "breaker": [breaker for _, breaker in ends],
+            "channel": [{"from": a, "to": b, "delay_ms": 2.0} for a, b in PAIRS],
+            "can": CAN,
+            "fault": faults,
+        }  # fmt: skip
+
+    own = differential(120.0)
+    own["pdif"] |= {"b1_us": 0.0, "b0_us": 0.0}
+    all_trip = {f"R{bus}": TRIP for bus in names}
+    nobody = {f"R{bus}": QUIET for bus in names}
+    for bus in names:
+        for type_ in ("AG", "BC") if quick else ("AG", "BC", "CAG", "ABC"):
+            yield Case(f"{type_} inside, leg {bus}", tables([fault(f"{bus}T", 0.5, type_)]), own, all_trip)
+            outside = {"bus": bus, "type": type_, "angle_deg": 0.0, "after_s": 0.06}
+            yield Case(f"{type_} outside at {bus}", tables([outside]), own, nobody)
+
+
+PARTS: dict[str, tuple[str, Callable[[bool], Iterator[Case]]]] = {
+    "internal": ("Faults on the line", internal),
+    "external": ("Faults outside", external),
+    "saturation": ("A current transformer that saturates", saturation),
+    "resistance": ("Resistance, under load", resistance),
+    "charging": ("What the line charges", charging),
+    "one-end": ("One end alone, and faults that grow", one_end),
+    "frequency": ("Off the nominal frequency", frequency),
+    "asymmetry": ("Ways that differ", asymmetry),
+    "channel": ("Channels and clocks that fail", channel),
+    "three-ends": ("Three ends", three_ends),
+}

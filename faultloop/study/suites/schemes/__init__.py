@@ -1,0 +1,89 @@
+"""Pilot schemes at both ends of a line: each case with what is expected of each relay."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from faultloop.study.diagram import Curve, Diagram
+from faultloop.study.report import Check, Report, Table
+from faultloop.study.suites.schemes import cases
+from faultloop.study.suites.schemes.network import COLUMNS, Bench, Case, Expected, Row
+
+PARTS = {name: title for name, (title, _) in cases.PARTS.items()}
+MOST_ROWS = 60
+"""In a table; of more, those that are wrong, and how many are right."""
+
+
+def run(parts: Sequence[str], *, quick: bool, progress: Callable[[float], Any]) -> list[Report]:
+    """One report for each part."""
+    bench = Bench()
+    reports = []
+    for place, part in enumerate(parts):
+        title, make = cases.PARTS[part]
+        todo = list(make(quick))
+        rows: list[Row] = []
+        for number, case in enumerate(todo):
+            rows += bench.run(case)
+            progress((place + (number + 1) / len(todo)) / len(parts))
+        report = report_of(part, title + (", quick" if quick else ""), rows)
+        if part == "reversal":
+            _without_guard(report, bench, quick)
+        reports.append(report)
+    return reports
+
+
+def report_of(name: str, title: str, rows: Sequence[Row]) -> Report:
+    """Rows as a table, how many are wrong, and the times."""
+    report = Report(name, title)
+    shown = [row.cells for row in (rows if len(rows) <= MOST_ROWS else [r for r in rows if not r.right])]
+    if len(shown) < len(rows):
+        report.text = [
+            f"{len(rows)} rows, {sum(row.right for row in rows)} right; only wrong ones are listed."
+        ]
+    report.tables = [Table(title, COLUMNS, shown)]
+    report.checks = [Check(f"{title}: wrong of {len(rows)}", float(sum(not row.right for row in rows)), 0.0)]
+    timed = [row for row in rows if math.isfinite(row.ms)]
+    if timed:
+        curves = []
+        for colour, relay in enumerate(dict.fromkeys(row.relay for row in timed)):
+            own = [(n, row.ms) for n, row in enumerate(timed) if row.relay == relay]
+            curves.append(Curve(relay, [n for n, _ in own], [ms for _, ms in own], "points", colour))
+        names = [f"{row.case}, {row.relay}" for row in timed]
+        few = len(names) <= MOST_ROWS
+        report.diagrams = [
+            Diagram(
+                f"{title}: trips", "case" if few else "row", "from the fault to the breaker [ms]", curves,
+                x_ticks=list(range(len(names))) if few else None, x_names=names if few else None,
+                y_range=(0.0, None), wide=True,
+            )
+        ]  # fmt: skip
+    return report
+
+
+def _without_guard(report: Report, bench: Bench, quick: bool) -> None:
+    """The same reversals without the guard: how many trip the healthy line, by the channel's delay."""
+    counts = dict.fromkeys(cases.REVERSAL_CHANNELS_MS, 0)
+    totals = dict.fromkeys(cases.REVERSAL_CHANNELS_MS, 0)
+    nobody = {"R2A": Expected(False), "R2B": Expected(False)}
+    for delay, tables in cases.reversals(quick):
+        rows = bench.run(Case("", tables, cases.guarded(0.0), nobody))
+        counts[delay] += any(not row.right for row in rows)
+        totals[delay] += 1
+    report.tables.append(
+        Table(
+            "Healthy line tripped without the guard",
+            (">channel [ms]", ">reversals", ">tripped"),
+            [(delay, totals[delay], counts[delay]) for delay in counts],
+            "A directional pilot, no time of coincidence; with a guard of 20/60 ms none, above.",
+        )
+    )
+    report.checks.append(
+        Check(
+            "Reversals that trip the healthy line without a guard",
+            float(sum(counts.values())),
+            1.0,
+            at_least=True,
+        )
+    )

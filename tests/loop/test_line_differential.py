@@ -1,0 +1,166 @@
+"""Sets between two relays of a line: clocks, alignment, and the function on top, without plant or bus."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultloop.io.can.frames import Frame
+from faultloop.loop.phasors import give_first, say_first
+from faultloop.nodes.clock import FOREVER
+from faultloop.nodes.relay import RelayNode
+from faultloop.relay import layout
+from faultloop.relay.functions.pdif import PDIF, agreement
+from faultloop.relay.layout import Instance
+from faultloop.relay.recent import LENGTH
+from faultloop.relay.settings import RelaySettings
+from tests.relay.functions.kernel import GIVEN, TURN
+
+MS = 1_000_000
+HZ = 4800
+SQRT2 = np.sqrt(2)
+
+
+class End:
+    """A relay's function and its node, with steady currents."""
+
+    def __init__(self, number: int, clock: tuple[int, int, int] = (0, 0, FOREVER), **table: Any) -> None:
+        settings = RelaySettings.from_dict(GIVEN | {"pdif": {"pickup_a": 200.0} | table})
+        place = Instance("PDIF1", PDIF, settings.pdif, 0, 0)
+        self.constants = layout.constants(settings, 96, [place])
+        self.state = layout.initial_state()
+        self.node = RelayNode(
+            number, 0, [1 - number], 1.0, 0.0, linked=[1 - number], agreement=agreement(settings)
+        )
+        self.node.set_clock(*clock)
+        self.q, self.w = self.state["shared"], self.state["pdif"][0, :1]
+        self.q["settled"] = 1
+        self.sent: list[tuple[int, Frame]] = []
+
+    def step(self, k: int, currents: Any, hz: float = 50.0) -> None:
+        """Sample k of a sinusoid of these phasors (3,)."""
+        t = np.arange(k - LENGTH + 1, k + 1) / HZ
+        waves = SQRT2 * np.real(np.exp(2j * np.pi * hz * t)[:, None] * np.asarray(currents))
+        self.q["recent"]["value"][0, :, 3:] = waves
+        self.q["recent"]["head"] = LENGTH - 1
+        self.q["number"], self.q["request"]["made"] = k, 0
+        before = int(self.q["phasors"][0])
+        c, s = self.constants.view(np.recarray)[0], self.state.view(np.recarray)[0]
+        PDIF.step(c.shared, s.shared, c.pdif[0], s.pdif[0])
+        t_ns = k * 1_000_000_000 // HZ
+        if int(self.q["phasors"][0]) != before:
+            say_first(self.node.nodes, 0, self.constants, self.state, t_ns)
+            self.sent += [(t_ns, frame) for frame in self.node.poll(t_ns) if frame.id & ~0xF == 0x040]
+
+    def take(self, t_ns: int, frame: Frame) -> None:
+        if self.node.receive(t_ns, frame):
+            give_first(self.node.nodes, 0, self.constants, self.state)
+
+    @property
+    def trips(self) -> bool:
+        return bool(self.q["request"]["made"][0])
+
+    def sums(self) -> Any:
+        """Of the newest complete set, (3,)."""
+        slot = int(self.w["last"][0]) % 16
+        return self.w["own"]["i"][0, slot] + self.w["remote"]["set"]["i"][0, 0, slot]
+
+
+def run(
+    ends: tuple[End, End],
+    currents: Any,
+    delays_ms: tuple[float, float] = (5.0, 5.0),
+    samples: int = 960,
+    hz: float = 50.0,
+) -> list[bool]:
+    """Whether each has wanted to trip, after so many samples."""
+    line: list[tuple[int, int, Frame]] = []
+    wanted = [False, False]
+    for k in range(samples):
+        t_ns = k * 1_000_000_000 // HZ
+        for due_ns, to, frame in [item for item in line if item[0] <= t_ns]:
+            ends[to].take(due_ns, frame)
+        line = [item for item in line if item[0] > t_ns]
+        for n, end in enumerate(ends):
+            end.step(k, currents[n], hz)
+            line += [(at + round(delays_ms[n] * MS), 1 - n, frame) for at, frame in end.sent]
+            end.sent = []
+            wanted[n] |= end.trips
+    return wanted
+
+
+THROUGH = (1000 * TURN, -1000 * TURN)
+
+
+def test_what_flows_through_cancels_and_a_fault_does_not() -> None:
+    ends = End(0), End(1)
+    assert run(ends, THROUGH) == [False, False]
+    assert np.abs(ends[0].sums()).max() < 0.02  # two roundings to 10 mA
+    fault = (1000 * TURN, [800, *(-1000 * TURN[1:])])
+    ends = End(0), End(1)
+    assert run(ends, fault, samples=400) == [True, True]
+    assert ends[0].w["count"][0].tolist()[1:3] == [0, 0]  # phases B and C restrain
+
+
+@pytest.mark.parametrize("hz", [47.0, 49.0, 52.0])
+def test_off_nominal_what_flows_through_cancels_too(hz: float) -> None:
+    """One linear filter at both ends: |sum| < 5 % of the current at any frequency."""
+    ends = End(0), End(1)
+    assert run(ends, THROUGH, hz=hz) == [False, False]
+    assert np.abs(ends[1].sums()).max() < 0.1
+
+
+def test_an_offset_of_a_global_clock_is_an_angle() -> None:
+    """100 us are 1.8 degrees at 50 Hz: 2 * 1000 A * sin(0.9 degrees)."""
+    ends = End(0), End(1, (100_000, 0, FOREVER))
+    run(ends, THROUGH, samples=480)
+    expected = 2000 * np.sin(np.radians(0.9))
+    np.testing.assert_allclose(np.abs(ends[0].sums()), expected, rtol=0.02)
+
+
+def test_by_the_round_trip_clocks_may_differ_and_drift() -> None:
+    clocks = (0, 0, 0), (123_456_789, 50_000, 0)  # 123 ms and 50 ppm
+    ends = tuple(End(n, clock, alignment="channel") for n, clock in enumerate(clocks))
+    assert run(ends, THROUGH, samples=1440) == [False, False]  # type: ignore[arg-type]
+    assert np.abs(ends[0].sums()).max() < 2.0  # some microseconds of the means' lag
+    assert ends[0].w["last"][0] > 0
+
+
+@pytest.mark.parametrize(
+    ("amperes", "asymmetry_ms", "characteristic", "trips"),
+    [
+        (1000, 3.0, "percentage", False),
+        (1000, 3.5, "percentage", True),  # 3.22 ms in closed form
+        (2000, 2.3, "percentage", False),
+        (2000, 2.8, "percentage", True),  # 2.56 ms
+        (1000, 5.0, "alpha", False),
+        (2000, 5.0, "alpha", False),
+    ],
+)
+def test_asymmetry_of_the_round_trip(
+    amperes: float, asymmetry_ms: float, characteristic: str, trips: bool
+) -> None:
+    keys = {"alignment": "channel", "characteristic": characteristic, "sequence": False}
+    ends = End(0, **keys), End(1, **keys)
+    delays = 5 + asymmetry_ms / 2, 5 - asymmetry_ms / 2
+    wanted = run(ends, (amperes * TURN, -amperes * TURN), delays, samples=700)
+    assert wanted == [trips, trips]
+
+
+def test_a_time_that_is_lost_blocks_and_is_told() -> None:
+    """One end's clock drifts off by 500 ppm from 50 ms on; both know, and nobody trips."""
+    ends = End(0), End(1, (0, 500_000_000, 50 * MS))
+    assert run(ends, THROUGH, samples=960) == [False, False]
+    assert ends[0].w["out_of_time"][0] == 1
+    assert int(ends[0].q["pickup"][0]) >> 4 & 1  # ChBlk
+
+
+def test_sets_that_are_missing_make_no_trip() -> None:
+    ends = End(0), End(1)
+    run(ends, THROUGH, samples=300)
+    for k in range(300, 1100):  # nothing arrives, and the current of this end grows
+        ends[0].step(k, 5000 * TURN)
+        assert not ends[0].trips
+    assert ends[0].w["losses"][0] == 1
