@@ -1,11 +1,12 @@
 """Zone 1 of 80 % behind capacitive voltage transformers: what it does beyond the line and how soon inside.
 
     python bench/cvt.py [--circuits ideal,P1,P2,A1,A2] [--sir 0.5,1,5,10,18,30] [--at 0.1,0.3,0.5,0.7,0.9,1]
-                        [--angles 12] [--kind none|ideal] [--burden 100] [--zone mho|quad]
+                        [--angles 12] [--kind none|ideal|cvt] [--burden 100] [--noise 0] [--zone mho|quad]
 
 A 220 kV Bergeron line of 100 km with 80 km behind its far end, a source of SIR times the line, 8 degrees of
 load, bolted A-G, B-C, B-C-G and A-B-C, 1500 Hz low-pass.  ``--kind`` is what the relay is told of its VT:
-nothing, or that it is ideal; ``--burden`` [VA] of the plant's circuit, which nobody tells it.
+nothing, that it is ideal, or its circuit with 100 VA; ``--burden`` [VA] of the plant's circuit, which nobody
+tells it; ``--noise`` of the voltages, of their RMS.
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ def samples(
     return np.concatenate(blocks), begin
 
 
-def settings(told: str, zone: str, estimator: str) -> RelaySettings:
+def settings(told: str, zone: str, estimator: str, circuit: str = "ideal") -> RelaySettings:
     shape = {"characteristic": "quad", "resistive_reach_ohm": 20.0} if zone == "quad" else {}
     data = {
         "relay": {"frequency_hz": 50, "nominal_kv": 220},
@@ -78,8 +79,10 @@ def settings(told: str, zone: str, estimator: str) -> RelaySettings:
         "line": {"z1_ohm": [Z1.real, Z1.imag], "z0_ohm": [Z0.real, Z0.imag]},
         "pdis": [{"zone": 1, "reach_pu": 0.8, **shape}],
     }
-    if told == "ideal":
+    if told == "ideal" or (told == "cvt" and circuit == "ideal"):
         data["vt"] = {"kind": "ideal"}
+    elif told == "cvt":
+        data["vt"] = {"kind": "cvt", "circuit": circuit}
     return RelaySettings.from_dict(data)
 
 
@@ -101,11 +104,13 @@ def main() -> None:
     parser.add_argument("--sir", default="0.5,1,5,10,18,30")
     parser.add_argument("--at", default="0.1,0.3,0.5,0.7,0.85,0.9,1,1.1")
     parser.add_argument("--angles", type=int, default=12)
-    parser.add_argument("--kind", choices=("none", "ideal"), default="none")
+    parser.add_argument("--kind", choices=("none", "ideal", "cvt"), default="none")
     parser.add_argument("--burden", type=float, default=100.0)
+    parser.add_argument("--noise", type=float, default=0.0)
     parser.add_argument("--zone", choices=("mho", "quad"), default="mho")
     parser.add_argument("--estimator", default="kalman-bank")
     given = parser.parse_args()
+    rng = np.random.default_rng(1)
     print(f"told: {given.kind}; {given.zone}; {given.estimator}; {given.burden:g} VA; starts of"
           f" {len(TYPES) * given.angles}: median/worst ms")  # fmt: skip
     for circuit in given.circuits.split(","):
@@ -116,7 +121,8 @@ def main() -> None:
                 for kind in TYPES:
                     for k in range(given.angles):
                         x, begin = samples(circuit, sir, at, kind, 180.0 * k / given.angles, given.burden)
-                        relay = Relay(settings(given.kind, given.zone, given.estimator))
+                        x[:, :3] += given.noise * 220e3 / math.sqrt(3) * rng.standard_normal((len(x), 3))
+                        relay = Relay(settings(given.kind, given.zone, given.estimator, circuit))
                         times.append(start_ms(relay, x, begin))
                 t = np.array([t for t in times if t == t])
                 text = f" {np.median(t):.0f}/{t.max():.0f}" if len(t) else ""

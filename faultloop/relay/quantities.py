@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay import currents, energy, memory, recent, voltages
+from faultloop.relay import currents, cvt, energy, memory, recent, voltages
 from faultloop.relay.energy import ENERGY
 from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2
 from faultloop.relay.recent import RECENT, SQRT2
@@ -38,6 +38,7 @@ va vb vc there, 3 i0; NaN for what there is none of."""
 LOOPS = ("AG", "BG", "CG", "AB", "BC", "CA")
 FAULTS = ("", *LOOPS, "ABC")
 THREE_PHASE = 7
+ALL_POLES = 7
 REFERENCE_CYCLES = 1.25  # longer than the slowest estimator takes to show a disturbance
 FADE_MS = 100.0
 DEFAULT_CURRENT_A = 20.0
@@ -73,6 +74,8 @@ CONSTANTS = np.dtype(
         ("pickup_current_pu", "f8"),  # ... or of the load current
         ("pickup_voltage_pu", "f8"),
         ("ideal_vt", "i8"),  # the voltage transformer has no transient of its own
+        ("in_front", "i8"),  # the voltages are those in front of one whose circuit is known, by its inverse
+        ("inverse", "f8", (cvt.CONSTANTS,)),
         ("memory", "i8"),  # samples for which the voltage before polarizes
         ("fade", "i8"),  # samples in which it then fades
     ],
@@ -100,6 +103,7 @@ QUANTITIES = np.dtype(
         ("across", "f8", (3,)),  # va vb vc of the breaker's other side; NaN: there is none
         ("beside", "f8"),  # 3 i0 of the parallel line; NaN: there is none
         ("mutual", "c16"),  # what it adds to the current of a ground loop
+        ("inverse", "f8", (cvt.STATE,)),
         ("recent", RECENT),  # the samples of the last cycle and a half
         ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
@@ -112,6 +116,11 @@ QUANTITIES = np.dtype(
         ("was_closed", "i8"),
         ("dead", "i8"),  # mask of poles without current, by the samples and by the breaker
         ("proven", "i8"),  # mask of phases whose voltage can be relied on
+        ("loaded", "i8"),  # a pole has carried current since there were voltages without
+        (
+            "lost",
+            "i8",
+        ),  # snapshots in a row of closed poles with neither voltage nor current, not loaded before
         ("missing", "i8"),  # mask of phases whose current is missing
         # the memory, and what is new against it
         ("memory", MEMORY),
@@ -194,7 +203,9 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "pickup_current": settings.amperes(phs.pickup_current_a, DEFAULT_CURRENT_A / 2),
         "pickup_current_pu": phs.pickup_current_pu,
         "pickup_voltage_pu": phs.pickup_voltage_pu,
-        "ideal_vt": settings.vt.kind == "ideal",
+        "ideal_vt": settings.vt.kind is not None,
+        "in_front": settings.inverse_vt is not None,
+        "inverse": cvt.no_inverse() if settings.inverse_vt is None else settings.inverse_vt,
         "memory": settings.samples(rdir.memory_ms),
         "fade": max(settings.samples(FADE_MS), 1),
     }
@@ -305,7 +316,11 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     for k in range(6):
         q.x[k] = complex(row[2 * k], row[2 * k + 1])
     turn = nominal_turn(g, q.memory.seen)
-    recent.instantaneous(sample, q.x, turn, q.sample)
+    if g.in_front:
+        cvt.restore(g.inverse, q.inverse, sample, q.sample)
+        recent.instantaneous(q.sample, q.x, turn, q.sample)
+    else:
+        recent.instantaneous(sample, q.x, turn, q.sample)
     wide = sample.shape[0] == WIDE
     for k in range(3):
         q.across[k] = sample[6 + k] if wide else np.nan
@@ -335,6 +350,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
         sequences(q.d, q.change)
         q.memory.fed |= memory.current_differs(g, q.x, q.memory.reference)
         currents.watch_change(g, q)
+        q.loaded |= q.dead != ALL_POLES
     else:
         energy.rest(g, q.energy, ready)
         if q.memory.tick == 0 and q.memory.seen > g.settling:

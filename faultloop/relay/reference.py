@@ -90,6 +90,10 @@ def _values(field: dict[str, Any]) -> str:
 
 
 def _one(option: dict[str, Any]) -> str:
+    if "oneOf" in option:
+        return " or ".join(_one(own) for own in option["oneOf"])
+    if "$ref" in option:
+        return "table"
     if "enum" in option:
         return ", ".join(_default(value) for value in option["enum"])
     if "const" in option:

@@ -15,6 +15,7 @@ from faultloop.config.user_code import entry_point_names, load
 from faultloop.errors import InputError
 from faultloop.relay import layout
 from faultloop.relay.chain import decide
+from faultloop.relay.cvt import estimator_in_front
 from faultloop.relay.estimators import ROW, Estimator, build_estimator, estimator_methods, make_estimator
 from faultloop.relay.events import Event, Names, Outputs
 from faultloop.relay.functions.function import Polygon
@@ -69,6 +70,8 @@ class Relay:
         self.name = name
         self.inputs = RelayInputs()
         self.estimator = estimator or _estimator(settings)
+        if settings.inverse_vt is not None:
+            self.estimator = estimator_in_front(self.estimator, settings.inverse_vt)
         self._elements = load_elements(settings)
         self.instances = layout.instances(settings, self._elements)
         self._constants = layout.constants(settings, self.estimator.settling_samples, self.instances)

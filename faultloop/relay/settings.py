@@ -6,20 +6,30 @@ One rule for units: with ``ohms = "secondary"`` every ohm, ampere and volt in th
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
+from faultloop.config.cvt_circuit import Circuit, Fraction, chosen_circuit
 from faultloop.config.override import set_key, split_override
-from faultloop.config.tables import ComplexOhm, Positive, Table, read_toml, validate
+from faultloop.config.tables import ComplexOhm, NonNegative, Positive, Table, read_toml, validate
 from faultloop.errors import InputError
 from faultloop.relay import coordination
 from faultloop.relay.coordination import Doubt
+from faultloop.relay.cvt import inverse
 from faultloop.relay.estimators.protection import refusal
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.function import Function
+
+MISTUNED = 0.1
+"""A circuit that passes the nominal frequency by so much more or less, or turned by as much, is none."""
 
 
 class Header(Table):
@@ -66,9 +76,22 @@ class EstimatorSettings(Table):
 class VtSettings(Table):
     """``[vt]``: what is known of the voltage transformer."""
 
-    kind: Literal["ideal"] | None = None
-    """"ideal": an inductive one, or a sensor, without a transient of its own.  Left out it may be any
-    capacitive one: behind a weak source zones without delay then wait for a window of a cycle and more."""
+    kind: Literal["ideal", "cvt"] | None = None
+    """"ideal": an inductive one, or a sensor, without a transient of its own.  "cvt": a capacitive one of a
+    known circuit, whose voltage is restored by its inverse.  Left out it may be any capacitive one: behind a
+    weak source zones without delay then wait for a window of a cycle and more."""
+    circuit: Circuit | None = None
+    """Of a "cvt": "P1", "P2", "A1", "A2", or a table { ce_nf, rf_ohm, ... } as in a scenario's [[vt]]."""
+    burden_va: NonNegative | None = None
+    """In place of the circuit's."""
+
+    @model_validator(mode="after")
+    def _circuit_of_a_cvt(self) -> VtSettings:
+        if self.kind == "cvt" and self.circuit is None:
+            raise ValueError('kind = "cvt" needs circuit = "P1" | "P2" | "A1" | "A2" or a table of its own')
+        if self.kind != "cvt" and not (self.circuit is None and self.burden_va is None):
+            raise ValueError('circuit and burden_va belong to kind = "cvt"')
+        return self
 
 
 class LineSettings(Table):
@@ -176,6 +199,17 @@ class RelaySettings(Tables):
         """k0 = (z0 - z1) / (3 z1) of the line."""
         return (self.z0_ohm - self.z1_ohm) / (3 * self.z1_ohm)
 
+    @cached_property
+    def inverse_vt(self) -> NDArray[np.float64] | None:
+        """Constants of the inverse of the voltage transformer's circuit; None where it needs none."""
+        if self.vt.circuit is None:
+            return None
+        return inverse(self._transfer(self.vt.circuit), self.relay.sampling_hz, self.relay.frequency_hz)
+
+    def _transfer(self, circuit: Circuit) -> Fraction:
+        chosen = chosen_circuit(circuit, self.vt.burden_va, self.relay.frequency_hz)
+        return chosen.transfer(2 * math.pi * self.relay.frequency_hz)
+
     @property
     def doubts(self) -> list[Doubt]:
         """What the zones are set to do that may not be meant: out of their order, beyond the line at once."""
@@ -216,6 +250,15 @@ def _check(settings: RelaySettings, path: Path | None) -> None:
     if reason is not None and settings.pdis and not settings.estimator.unsafe:
         what = f"'{method}' is none for distance zones: {reason}; take 'kalman-bank', or say unsafe = true"
         raise InputError(what, file=path, key="estimator.method")
+    if settings.vt.circuit is not None:
+        over, under = settings._transfer(settings.vt.circuit)
+        passed = over(1j) / under(1j)
+        if abs(passed - 1) > MISTUNED:
+            what = (
+                f"passes {abs(passed):.2f} of the voltage at {math.degrees(cmath.phase(passed)):.0f} degrees"
+                f" at {settings.relay.frequency_hz} Hz; a tuned circuit passes 1.00 at 0: see ce_nf and lc_h"
+            )
+            raise InputError(what, file=path, key="vt.circuit")
     for function in FUNCTIONS:
         if function.check is not None and settings.tables(function):
             try:

@@ -3,8 +3,9 @@
 A phase that carries current and has no voltage is at a bolted fault close in, or its voltage transformer is
 not there: a blown fuse, an open miniature breaker, a channel that nobody wired.  Phasors cannot tell which,
 but what was before can: a transformer is *proven* by a voltage, and no longer when the voltage is missing in
-quiet while the pole carries current, or is closed and the other phases have theirs.  Loops with a phase that
-is not proven measure nothing.
+quiet while the pole carries current, or is closed and the other phases have theirs.  All three without load
+go as those of a line that is opened do; but that one's breaker says so, or its load goes with the voltage.
+Loops with a phase that is not proven measure nothing.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ PART = 0.5
 UNBALANCE = 0.25
 """... if V2 is above this part of V1: the earthed phase of an isolated network has none, and its loops to the
 others go on measuring."""
+ALL_PHASES = 0b111
 LOOPS_OF = (0b101001, 0b011010, 0b110100)
 """Mask of the loops AG BG CG AB BC CA that a phase is in."""
 
@@ -35,8 +37,21 @@ def prove(g: Record, q: Record) -> None:
     for phase in range(3):
         if size2(q.x[phase]) > max(floor, PART**2 * greatest):
             q.proven |= 1 << phase
+            q.loaded = 0
         elif gone and (size2(q.x[3 + phase]) > g.open_current**2 or (alone and (q.closed >> phase) & 1)):
             q.proven &= ~(1 << phase)
+    if carries(g, q):
+        q.loaded = 1
+    lost = greatest <= floor and q.closed == ALL_PHASES and not q.loaded
+    q.lost = q.lost + 1 if lost else 0
+    if q.lost >= g.snapshots:  # two cycles: a breaker that closes says so before its current is seen
+        q.proven = 0
+
+
+@njit
+def carries(g: Record, q: Record) -> bool:
+    """Whether any pole carries current."""
+    return max(size2(q.x[3]), size2(q.x[4]), size2(q.x[5])) > g.open_current**2
 
 
 @njit

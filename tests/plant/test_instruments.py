@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from faultloop.config.cvt_circuit import CvtCircuit, named_circuit
 from faultloop.errors import InputError
 from faultloop.plant import Plant
 from faultloop.plant.ct import Ct, core_constants
-from faultloop.plant.vt import CvtCircuit, Vt, named_circuit
+from faultloop.plant.vt import Vt
 from tests.plant import checks
 from tests.plant.record import record
 from tests.plant.reference import build, network, phasors

@@ -22,10 +22,17 @@ def bench(root: Path) -> ModuleType:
 
 
 def start(
-    bench: ModuleType, circuit: str, sir: float, at: float, kind: str, angle: float, told: str
+    bench: ModuleType,
+    circuit: str,
+    sir: float,
+    at: float,
+    kind: str,
+    angle: float,
+    told: str,
+    burden: float = 100.0,
 ) -> float:
-    x, begin = bench.samples(circuit, sir, at, kind, angle, 100.0)
-    return bench.start_ms(Relay(bench.settings(told, "mho", "kalman-bank")), x, begin)
+    x, begin = bench.samples(circuit, sir, at, kind, angle, burden)
+    return bench.start_ms(Relay(bench.settings(told, "mho", "kalman-bank", circuit)), x, begin)
 
 
 @pytest.mark.parametrize("circuit", ["P1", "P2", "A1", "A2"])
@@ -53,3 +60,22 @@ def test_an_ideal_one_waits_for_nothing(bench: ModuleType) -> None:
         assert (
             start(bench, "ideal", 1.0, 0.3, kind, 45.0, "none") < 15.0
         )  # behind a strong source neither waits
+
+
+@pytest.mark.parametrize("circuit", ["P1", "P2", "A1", "A2"])
+@pytest.mark.parametrize("sir", [5.0, 18.0])
+def test_a_known_circuit_waits_for_nothing(bench: ModuleType, circuit: str, sir: float) -> None:
+    for kind, angle in (("AG", 45.0), ("ABC", 0.0)):
+        for at in (0.85, 1.0):
+            t = start(bench, circuit, sir, at, kind, angle, "cvt")
+            assert t != t, f"{kind} at {at:g}: {t} ms"
+        assert start(bench, circuit, sir, 0.5, kind, angle, "cvt") < 25.0
+
+
+@pytest.mark.parametrize(("circuit", "sir"), [("A1", 18.0), ("A2", 10.0)])
+@pytest.mark.parametrize("burden", [50.0, 125.0])
+def test_another_burden_than_it_is_told(bench: ModuleType, circuit: str, sir: float, burden: float) -> None:
+    for kind, angle in (("AG", 45.0), ("BC", 0.0)):
+        t = start(bench, circuit, sir, 1.0, kind, angle, "cvt", burden)
+        assert t != t, f"{kind}: {t} ms"
+        assert start(bench, circuit, sir, 0.5, kind, angle, "cvt", burden) < 35.0

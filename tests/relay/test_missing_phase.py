@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from faultloop.relay import Relay, RelaySettings
+from faultloop.relay import Relay, RelayInputs, RelaySettings
 from tests.relay.network import Network, settings_dict
 from tests.relay.test_not_ready import run
 
@@ -66,16 +66,10 @@ def test_a_current_that_comes_back_is_told() -> None:
 @pytest.mark.parametrize("first", [0, 3])
 @pytest.mark.parametrize(("angle", "from_s"), [(-15.0, 0.0), (15.0, LOAD_S), (0.0, 0.0), (0.0, LOAD_S)])
 def test_a_fault_outside_with_a_phase_missing(first: int, angle: float, from_s: float) -> None:
-    """Behind the relay and at the far end; with load before it, and without, when nobody is warned.
-
-    Without load nobody can tell that all voltages are lost from a line that is dead: then a three-phase fault
-    counts as one close in that the line is switched onto, and is left out.
-    """
+    """Behind the relay and at the far end; with load before it, and without, when nobody is warned."""
     network = Network(angle_deg=angle)
     for phases in PHASES:
         for kind in ("AG", "BC", "CAG", "ABC"):
-            if (first, angle, from_s, phases, kind) == (0, 0.0, LOAD_S, "ABC", "ABC"):
-                continue
             for at in (-1.0, 1.0):
                 x = lost(samples(network, kind, at), phases, first, from_s)
                 trips, _ = run(relay(network), x)
@@ -89,3 +83,30 @@ def test_what_does_not_need_the_missing_current_still_trips(angle: float) -> Non
     trips, _ = run(relay(network), lost(samples(network, "CA", 0.3), "B", 3, 0.0))
     assert trips[0][1].loop == "CA"
     assert 1000 * (trips[0][0] / 4800 - FAULT_S) < 30
+
+
+@pytest.mark.parametrize("after_ms", [20.0, 60.0, 120.0, 200.0])
+def test_all_voltages_lost_without_load_then_a_three_phase_fault(after_ms: float) -> None:
+    """Voltages that go while no pole carries current and the breaker stays closed are lost ones."""
+    network = Network(angle_deg=0.0)
+    for at in (-1.0, 1.0):
+        x = lost(samples(network, "ABC", at), "ABC", 0, FAULT_S - after_ms / 1e3)
+        trips, _ = run(relay(network), x)
+        assert not trips, (at, trips)
+
+
+@pytest.mark.parametrize("load", [True, False])
+def test_a_line_that_was_opened_is_switched_onto_a_bolted_fault(load: bool) -> None:
+    """With no voltage left: its load went with the voltage, or the breaker said that it opened."""
+    network = Network(angle_deg=-15.0 if load else 0.0)
+    healthy, fault = network.solve(), network.solve("ABC", 0.0)
+    fault[:3] = 0.0
+    x = network.samples([(0.0, healthy), (0.3, np.zeros(6, complex)), (FAULT_S, fault)], END_S)
+    own = relay(network)
+    trips = []
+    for begin, end, closed in ((0, 1440, 7), (1440, 2900, 7 if load else 0), (2900, len(x), 7)):
+        own.inputs = RelayInputs(breaker_closed=closed)
+        found, _ = run(own, x[begin:end])
+        trips += [(begin + n, trip) for n, trip in found]
+    assert [trip.function for _, trip in trips[:1]] == ["PSOF1"]
+    assert 25 < 1000 * (trips[0][0] / 4800 - FAULT_S) < 60
