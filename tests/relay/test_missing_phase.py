@@ -85,9 +85,10 @@ def test_what_does_not_need_the_missing_current_still_trips(angle: float) -> Non
     assert 1000 * (trips[0][0] / 4800 - FAULT_S) < 30
 
 
-@pytest.mark.parametrize("after_ms", [20.0, 60.0, 120.0, 200.0])
+@pytest.mark.parametrize("after_ms", [120.0, 200.0])
 def test_all_voltages_lost_without_load_then_a_three_phase_fault(after_ms: float) -> None:
-    """Voltages that go while no pole carries current and the breaker stays closed are lost ones."""
+    """Voltages that go while no pole carries current and the breaker stays closed are lost ones: after six
+    cycles, in which what has changed becomes what is normal, and then is not proven any more."""
     network = Network(angle_deg=0.0)
     for at in (-1.0, 1.0):
         x = lost(samples(network, "ABC", at), "ABC", 0, FAULT_S - after_ms / 1e3)
@@ -106,7 +107,6 @@ def test_a_line_that_was_opened_is_switched_onto_a_bolted_fault(load: bool) -> N
     trips = []
     for begin, end, closed in ((0, 1440, 7), (1440, 2900, 7 if load else 0), (2900, len(x), 7)):
         own.inputs = RelayInputs(breaker_closed=closed)
-        found, _ = run(own, x[begin:end])
-        trips += [(begin + n, trip) for n, trip in found]
+        trips += run(own, x[begin:end])[0]
     assert [trip.function for _, trip in trips[:1]] == ["PSOF1"]
     assert 25 < 1000 * (trips[0][0] / 4800 - FAULT_S) < 60
