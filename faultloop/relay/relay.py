@@ -69,9 +69,7 @@ class Relay:
         self.settings = settings
         self.name = name
         self.inputs = RelayInputs()
-        self.estimator = estimator or _estimator(settings)
-        if settings.inverse_vt is not None:
-            self.estimator = estimator_in_front(self.estimator, settings.inverse_vt)
+        self.estimator = _in_front(settings, estimator or _estimator(settings))
         self._elements = load_elements(settings)
         self.instances = layout.instances(settings, self._elements)
         self._constants = layout.constants(settings, self.estimator.settling_samples, self.instances)
@@ -299,6 +297,11 @@ class Relay:
 def _six(samples: Array) -> Array:
     """The channels that the estimator sees."""
     return samples if samples.shape[1] == 6 else np.ascontiguousarray(samples[:, :6])
+
+
+def _in_front(settings: RelaySettings, estimator: Estimator) -> Estimator:
+    """Of the voltages in front of a transformer whose circuit is known."""
+    return estimator if settings.inverse_vt is None else estimator_in_front(estimator, settings.inverse_vt)
 
 
 def _estimator(settings: RelaySettings) -> Estimator:
