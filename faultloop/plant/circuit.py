@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 from faultloop.plant.elements import GROUND
 from faultloop.plant.elements.bergeron import WaveSection
 from faultloop.plant.elements.branch import Branch
+from faultloop.plant.elements.converter import Converter
 from faultloop.plant.elements.emf import Emf
 from faultloop.plant.elements.mutual import CoupledBranches, CoupledWaves
 from faultloop.plant.elements.switch import Switch
@@ -68,6 +69,7 @@ class Circuit:
     """How many waves a stretch is to be, by line and start, where the line does not decide alone; 0: none."""
     coupled: list[CoupledBranches | CoupledWaves] = field(default_factory=list)
     varistors: list[Varistor] = field(default_factory=list)
+    converters: list[Converter] = field(default_factory=list)
     apart: set[tuple[str, float]] = field(default_factory=set)
     """Places, line and position, at which something lies in series with the line."""
     notes: list[str] = field(default_factory=list)
@@ -166,7 +168,8 @@ class Circuit:
         return min(self.cuts[line], key=lambda p: abs(p - position))
 
     def fed(self) -> set[str]:
-        """The nodes that reach a source, through open switches too: elsewhere nothing fixes a voltage, or all
+        """The nodes that reach a source (a converter follows one), through open switches too: elsewhere
+        nothing fixes a voltage, or all
         is zero for ever."""
         joined: dict[str, set[str]] = {}
         for part in (*self.branches, *self.sections, *self.switches):
@@ -174,7 +177,8 @@ class Circuit:
                 joined.setdefault(part.start, set()).add(part.end)
                 joined.setdefault(part.end, set()).add(part.start)
         reached: set[str] = set()
-        front = [emf.behind.start for emf in self.emfs]
+        follows = {converter.emf for converter in self.converters}
+        front = [emf.behind.start for k, emf in enumerate(self.emfs) if k not in follows]
         while front:
             node = front.pop()
             if node not in reached:

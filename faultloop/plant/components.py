@@ -6,6 +6,7 @@ from faultloop.plant.breaker import Breaker
 from faultloop.plant.component import Component
 from faultloop.plant.ct import Ct
 from faultloop.plant.fault import Fault
+from faultloop.plant.inverter import Inverter
 from faultloop.plant.line import Line
 from faultloop.plant.load import Load
 from faultloop.plant.mutual import Mutual
@@ -13,6 +14,7 @@ from faultloop.plant.series_capacitor import SeriesCapacitor
 from faultloop.plant.source import Source
 from faultloop.plant.swing import Swing
 from faultloop.plant.switching import Switching
+from faultloop.plant.transformer import Transformer
 from faultloop.plant.vt import Vt
 
 COMPONENTS: tuple[type[Component], ...] = (
@@ -23,6 +25,8 @@ COMPONENTS: tuple[type[Component], ...] = (
     SeriesCapacitor,
     Line,
     Load,
+    Transformer,
+    Inverter,
     Fault,
     Switching,
     Ct,

@@ -25,6 +25,7 @@ from faultloop.plant.elements.bergeron import (
     wave_push,
 )
 from faultloop.plant.elements.branch import branch_currents, branch_histories, branch_inject, branch_step
+from faultloop.plant.elements.converter import control, set_voltages
 from faultloop.plant.elements.emf import exact_emf, renew_emf
 from faultloop.plant.elements.mutual import (
     coupled_arrivals,
@@ -66,7 +67,10 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
     """Steps to the clock's ``STOP``, with each sample due put in ``samples`` (rows, relays, 6).  True where
     an armed pole's current crossed zero: then the last step is on trial, and has not been delivered."""
     clock = watch.clock
+    converted = net.converter.row.shape[0] > 0
     if clock[PENDING]:
+        if converted:
+            control(net.converter, state.converter, state.past, state.v, state.branch_current, clock[STEP])
         arrive(net, factor, state, watch, front, samples)
     # asked here and not in the functions: a call passes all their arrays and takes as long as a step
     coupled = net.coupling.branch.shape[0] + net.coupling.wave.shape[0] > 0
@@ -82,6 +86,8 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
         clock[STEP] += 1
         clock[PENDING] = 1
         renew_emf(net.emf, state.emf, state.v, clock[STEP])
+        if converted:
+            set_voltages(net.converter, state.converter, state.v, 0.0)
         wave_histories(net.wave, state.ring, state.arriving, clock[STEP])
         if coupled:
             coupled_arrivals(net.coupling, state.arriving)
@@ -102,6 +108,8 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
             switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
             if crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero):
                 return True
+        if converted:
+            control(net.converter, state.converter, state.past, state.v, state.branch_current, clock[STEP])
         # asked here and not in the function: a call passes a hundred array fields and takes 60 ns
         if front.stepped[0] or clock[STEP] % clock[PER_SAMPLE] == 0:
             arrive(net, factor, state, watch, front, samples)
@@ -131,6 +139,8 @@ def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
         )
         now, newest = step + (instant + half), step + int(watch.instant[1])
         exact_emf(net.emf, state.v, now)
+        if net.converter.row.shape[0] > 0:
+            set_voltages(net.converter, state.converter, state.v, instant + half - 1.0)
         wave_histories_at(net.wave, state.ring, state.arriving, now, newest)
         coupled_arrivals(net.coupling, state.arriving)
         branch_inject(net.branch, state.history, state.v, net.emf.wave.shape[0])

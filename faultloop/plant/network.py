@@ -12,6 +12,7 @@ from faultloop.plant.circuit import Circuit
 from faultloop.plant.elements import GROUND, Floats, Ints, circulant
 from faultloop.plant.elements.bergeron import Waves, wave_constants
 from faultloop.plant.elements.branch import Branches, branch_constants
+from faultloop.plant.elements.converter import Converters, converter_constants
 from faultloop.plant.elements.emf import Emfs, emf_constants
 from faultloop.plant.elements.mutual import CoupledBranches, CoupledWaves, Couplings, coupling_constants
 from faultloop.plant.elements.varistor import Varistors, respond, varistor_constants
@@ -30,6 +31,7 @@ class Network(NamedTuple):
     wave: Waves
     coupling: Couplings
     varistor: Varistors
+    converter: Converters
     switch_bus: Ints
     """(switches, 2) rows of v"""
 
@@ -111,6 +113,13 @@ class Model:
             wave=waves,
             coupling=coupling,
             varistor=varistor_constants(circuit.varistors, self.row),
+            converter=converter_constants(
+                circuit.converters,
+                self.row,
+                [emf.behind.start for emf in circuit.emfs],
+                circuit.rate,
+                circuit.frequency_hz,
+            ),
             switch_bus=np.array(
                 [[self.row[s.start], self.row[s.end]] for s in circuit.switches], dtype=np.int64
             ).reshape(-1, 2),

@@ -16,6 +16,7 @@ from faultloop.plant.breaker import Breaker
 from faultloop.plant.build import circuit_of
 from faultloop.plant.component import PlantTables
 from faultloop.plant.elements import Floats, Ints
+from faultloop.plant.elements.converter import FIELDS, ring_length
 from faultloop.plant.elements.switch import Action, Kind
 from faultloop.plant.fault import Fault
 from faultloop.plant.frontend import (
@@ -30,6 +31,7 @@ from faultloop.plant.kernel import STEP, Watch
 from faultloop.plant.line import Line
 from faultloop.plant.mechanism import row_of, take_in_python
 from faultloop.plant.network import Model, Network
+from faultloop.plant.power_flow import balance
 from faultloop.plant.probe import Probe
 from faultloop.plant.state import State, fill, new_state
 from faultloop.plant.steady import ROTATION, Steady, steady_states
@@ -124,6 +126,7 @@ class Plant:
             zero=np.zeros((count, 3)),
             instant=np.zeros(2),
         )
+        balance(self._model)
         steady = steady_states(self._model)
         self._settle(steady, front, state)
         self._steady = steady
@@ -330,6 +333,7 @@ def _contiguous(constants: Any) -> Any:
 def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], State]:
     branches, waves = len(model.circuit.branches), len(model.circuit.sections)
     rows, currents = len(model.row), branches + 2 * waves + len(model.circuit.switches)
+    length = ring_length(model.circuit.rate, model.circuit.frequency_hz)
     shapes = {
         "v": (rows, 3),
         "current": (currents, 3),
@@ -342,6 +346,8 @@ def _new_state(model: Model, front: FrontEnds) -> tuple[NDArray[np.float64], Sta
         "half_current": (currents, 3),
         "arriving": (waves, 6),
         "varistor": (len(model.circuit.varistors), 2, 3),
+        "converter": (len(model.circuit.converters), FIELDS),
+        "past": (len(model.circuit.converters), length, 2),
         "measured": (len(front.bus), 6),
     } | analog_shapes(front)
     return new_state(shapes, (branches, 2 * waves))

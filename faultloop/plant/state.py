@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from faultloop.plant.elements import Complex, Floats
+from faultloop.plant.elements.converter import settle
 from faultloop.plant.elements.switch import switch_currents
 from faultloop.plant.factor import Factor
 from faultloop.plant.frontend import Analog
@@ -37,6 +38,10 @@ class State(NamedTuple):
     """(waves, 6) [A], modal, order as in ring"""
     varistor: Floats
     """(varistors, 2, 3) voltage across if none conducted [V], current [A]"""
+    converter: Floats
+    """(converters, FIELDS)"""
+    past: Floats
+    """(converters, steps, 2) voltages of their buses, alpha and beta, per unit"""
     emf: Floats
     """(sources, 3) cos and sin at the first step of a block, and that block's number"""
     analog: Analog
@@ -77,6 +82,17 @@ def fill(model: Model, states: Sequence[Steady], state: State) -> None:
     state.v[:] = sum(_phases(s.v) for s in states).real
     state.current[:] = sum(_phases(s.current) for s in states).real
     state.emf[:, 2] = -1
+    for k, converter in enumerate(model.circuit.converters):
+        e, v = (model.network.converter.row[k, j] for j in (0, 1))
+        settle(
+            model.network.converter,
+            k,
+            complex(sum(s.v[e] for s in states)),
+            complex(sum(s.v[v] for s in states)),
+            complex(sum(s.current[converter.emf] for s in states)),
+            state.converter,
+            state.past,
+        )
     net = model.network.branch
     across = state.v[net.bus[:, 0]] - state.v[net.bus[:, 1]]
     # positive sequence has no sum, so only the own terms of P and K act

@@ -42,10 +42,11 @@ class Steady:
 def steady_states(model: Model) -> list[Steady]:
     """One for each distinct source frequency.  Raises InputError where the network resonates undamped."""
     frequencies = sorted({emf.frequency_hz for emf in model.circuit.emfs})
-    return [_solve(model, frequency) for frequency in frequencies]
+    return [solve_at(model, frequency) for frequency in frequencies]
 
 
-def _solve(model: Model, frequency: float) -> Steady:
+def solve_at(model: Model, frequency: float) -> Steady:
+    """Of the sources of that frequency alone.  Raises InputError where the network resonates undamped."""
     circuit, row = model.circuit, model.row
     angle = 2 * np.pi * frequency * circuit.dt
     v = np.zeros(len(row), dtype=complex)
@@ -93,7 +94,7 @@ def _admittances(model: Model, angle: float) -> Iterator[tuple[int, int, complex
     for bus in range(model.bus_count):
         yield bus, bus, LEAKAGE_S
     for branch in circuit.branches:
-        y = branch.admittance(_derivative(angle, circuit.dt))
+        y = branch.admittance(derivative(angle, circuit.dt))
         yield from _between(row[branch.start], row[branch.end], y)
     for switch in circuit.switches:
         if switch.closed:
@@ -108,7 +109,7 @@ def _between(k: int, m: int, y: complex) -> Iterator[tuple[int, int, complex]]:
     yield from ((k, k, y), (m, m, y), (k, m, -y), (m, k, -y))
 
 
-def _derivative(angle: float, dt: float) -> complex:
+def derivative(angle: float, dt: float) -> complex:
     """What the trapezoidal rule makes of d/dt at ``angle`` per step [1/s]."""
     return complex(2j / dt * np.tan(angle / 2))
 
@@ -118,7 +119,7 @@ def _currents(model: Model, angle: float, v: Complex) -> Complex:
     circuit, row = model.circuit, model.row
     out: list[complex] = []
     for branch in circuit.branches:
-        y = branch.admittance(_derivative(angle, circuit.dt))
+        y = branch.admittance(derivative(angle, circuit.dt))
         out.append(y * (v[row[branch.start]] - v[row[branch.end]]))
     for section in circuit.sections:
         own, mutual = section.admittance(angle)

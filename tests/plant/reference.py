@@ -9,12 +9,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.study.suites.functions.two_ended import BASE_KV, KM, LINE, SOURCES, A, build, network, phasors
+from faultloop.study.suites.functions.two_ended import (
+    BASE_KV,
+    FORTESCUE,
+    KM,
+    LINE,
+    SOURCES,
+    A,
+    build,
+    network,
+    phasors,
+)
 
 Complex = NDArray[np.complex128]
 
 __all__ = [
     "BASE_KV",
+    "FORTESCUE",
     "KM",
     "LINE",
     "SOURCES",
@@ -26,7 +37,6 @@ __all__ = [
     "phasors",
     "solve",
 ]
-FORTESCUE = np.array([[1, 1, 1], [1, A**2, A], [1, A, A**2]])
 
 
 def phase_matrix(zero: complex, positive: complex) -> Complex:

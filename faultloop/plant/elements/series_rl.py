@@ -39,4 +39,4 @@ class SeriesRL:
 
     def admittance(self, s: complex) -> complex:
         """Positive sequence [S]; ``s`` is the derivative as the trapezoidal rule has it [1/s]."""
-        return complex(1 / (self.r[1] + s * self.l[1]))
+        return complex(1 / (self.r[1] + s * self.l[1])) if np.isfinite(self.r[1]) else 0j

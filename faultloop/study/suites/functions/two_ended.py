@@ -21,6 +21,7 @@ SOURCES = {  # angle, z1, z0
     "B": (-12.0, 3.5 + 20j, 5.0 + 26j),
 }
 A = np.exp(2j * np.pi / 3)
+FORTESCUE = np.array([[1, 1, 1], [1, A**2, A], [1, A, A**2]])
 
 
 def network(model: str = "bergeron", **tables: Any) -> dict[str, Any]:
