@@ -12,10 +12,10 @@ from faultloop.errors import InputError
 from faultloop.plant import Plant
 from faultloop.plant.ct import Ct, core_constants
 from faultloop.plant.vt import Vt
-from tests.plant import checks
+from faultloop.study.suites.functions import plant_checks as checks
+from faultloop.study.suites.functions.cases import tables
 from tests.plant.record import record
 from tests.plant.reference import build, network, phasors
-from tests.plant.test_validation import CASES
 
 CT = {"name": "T", "ratio": [1000, 1], "model": "saturating", "vs_v": 200.0, "burden_ohm": [5.0, 1.0]}
 VT = {"name": "V", "ratio": [220e3, 110.0], "model": "cvt", "circuit": "A1"}
@@ -108,7 +108,7 @@ def test_only_the_relay_that_names_them_is_behind_them() -> None:
 @pytest.mark.parametrize(("rate", "worst"), [(19200, 2e-3), (4800, 2e-2)])
 def test_the_cores_step_is_stable_and_near_at_the_plants_own(case: str, rate: int, worst: float) -> None:
     """The golden cases at 52 and 208 us against 1 us; part of sqrt2 Ip/N."""
-    table = next(p.values[0] for p in CASES if p.values[0]["name"].startswith(case))["input"]
+    table = next(own.input for _, cases in tables().values() for own in cases if own.name.startswith(case))
     ct = Ct.model_validate({"name": "T", "model": "saturating", **table["ct"]})
     hz, flux = table["frequency_hz"], ct.remanence_pu * ct.flux_at_vs(table["frequency_hz"])
     found = []
