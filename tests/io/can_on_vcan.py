@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import can
 import pytest
@@ -162,11 +163,15 @@ def test_goose_goes_over_a_pair_of_virtual_ethernets() -> None:
 
     with veth_pair() as (one, other):
         here, there = open_link(one, [Kind.PILOT]), open_link(other, [Kind.TRIP + 3])
-        here.send(TRIP.encode())
-        (received,) = there.receive(5.0)
-        message = decode(received[1])
+        received: list[Any] = []
+        for _ in range(20):  # an interface that is just up may lose the first ones
+            here.send(TRIP.encode())
+            received = there.receive(0.5)
+            if received:
+                break
+        message = decode(received[0][1])
         assert isinstance(message, State)
-        assert (message.number, message.poles, message.st_num, message.sq_num) == (3, 7, 1, 0)
+        assert (message.number, message.poles, message.st_num) == (3, 7, 1)
         assert here.receive(0.05) == []
         here.close()
         there.close()

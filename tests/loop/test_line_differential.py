@@ -43,7 +43,7 @@ class End:
         """Sample k of a sinusoid of these phasors (3,)."""
         t = np.arange(k - LENGTH + 1, k + 1) / HZ
         waves = SQRT2 * np.real(np.exp(2j * np.pi * hz * t)[:, None] * np.asarray(currents))
-        self.q["recent"]["value"][0, :, 3:] = waves
+        self.q["recent"]["value"][0, :, 3:6] = waves
         self.q["recent"]["head"] = LENGTH - 1
         self.q["number"], self.q["request"]["made"] = k, 0
         before = int(self.q["phasors"][0])
