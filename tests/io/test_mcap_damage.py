@@ -141,7 +141,7 @@ def check(data: bytes, kind: str, whole: Log, everything: set[str], folder: Path
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_any_byte_changed(kind: str, logs: Callable[[str], bytes], tmp_path: Path) -> None:
-    fuzz(kind, logs, tmp_path, range(30))
+    fuzz(kind, logs, tmp_path, range(15))
 
 
 @pytest.mark.slow

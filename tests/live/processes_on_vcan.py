@@ -121,6 +121,7 @@ def test_a_fault_trips_both_ends_as_in_the_simulation(tmp_path):
     assert times == sorted(times)
 
 
+@pytest.mark.slow
 def test_each_pole_trips_on_its_own_as_in_the_simulation(tmp_path):
     path = SCENARIOS / "single-pole-trip.toml"
     result = run_in_time(path, tmp_path / "run.mcap")
