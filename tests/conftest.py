@@ -40,8 +40,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The guest's tests take minutes in one piece: begun by the middle, when what they need is compiled, they are
-    not what one worker waits for at the end."""
+    """The guest's tests take minutes in one piece: begun by the middle, when what they need is compiled, they
+    are not what one worker waits for at the end."""
     long = [item for item in items if item.name.endswith("on_vcan")]
     others = [item for item in items if not item.name.endswith("on_vcan")]
     middle = len(others) // 3
