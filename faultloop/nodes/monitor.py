@@ -12,6 +12,7 @@ from faultloop.io.can.authentication import read
 from faultloop.io.can.bus import SECOND_NS
 from faultloop.io.can.dbc import message_name, sender_name
 from faultloop.io.can.frames import (
+    Differential,
     Frame,
     Heartbeat,
     Measurements,
@@ -213,8 +214,8 @@ def _check(row: Row, t_ns: int, frame: Frame) -> None:
         row.sealed |= frame.fd
         if isinstance(row.subscriber.receive(message, t_ns), Rejection):
             return
-    elif isinstance(message, (SampledValues, Measurements)):
-        row.checked |= isinstance(message, SampledValues)
+    elif isinstance(message, (SampledValues, Measurements, Differential)):
+        row.checked |= not isinstance(message, Measurements)  # which have no CRC of ours
         if row.next_counter is not None:
             row.lost += (message.counter - row.next_counter) % 256
         row.next_counter = (message.counter + 1) % 256
@@ -237,6 +238,10 @@ def _told(message: Message | Frame) -> str:
         state = STATES.get(message.state, str(message.state))
         alarms = f" alarms {message.alarms:#x}" if message.alarms else ""
         return f"{state}{alarms}  rejected {message.rejected}  t {message.time * TICK_NS / 1e9:.5f} s"
+    if isinstance(message, Differential):
+        test = " test" if message.test else ""
+        currents = " ".join(f"{abs(i):.1f}" for i in message.currents)
+        return f"i {currents} A{test}  t {message.time / 1e6:.6f} s"
     return message.data.hex(" ")
 
 

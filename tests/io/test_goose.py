@@ -16,7 +16,17 @@ import pytest
 from faultloop.config.bus_fault import BusFault
 from faultloop.errors import InputError
 from faultloop.io.can.faults import SenderFaults
-from faultloop.io.can.frames import Frame, Heartbeat, Measurements, Page, Rejection, State, decode, ticks
+from faultloop.io.can.frames import (
+    Differential,
+    Frame,
+    Heartbeat,
+    Measurements,
+    Page,
+    Rejection,
+    State,
+    decode,
+    ticks,
+)
 from faultloop.io.can.table import PLANT_NODE, STATE_KINDS, Kind
 from faultloop.io.iec61850.gateway import Gateway
 from faultloop.io.iec61850.streams import BLOCKS, Station, ied_names
@@ -379,5 +389,7 @@ def test_what_goose_does_not_carry_is_one_line() -> None:
     out, _ = gateways()
     with pytest.raises(InputError, match=r"GOOSE carries no frame 0x010 \(Rejection\.LENGTH\)"):
         out.encode(Frame(0x010, b"", False))
+    with pytest.raises(InputError, match=r"GOOSE carries no frame 0x041 \(Differential\)"):
+        out.encode(Differential(1, 0, (1 + 0j, 0j, 0j)).encode())
     with pytest.raises(InputError, match="the scenario has no publisher of TRIP 5"):
         out.encode(State(Kind.TRIP, 5, 0, 1, 0, 0, 0).encode())

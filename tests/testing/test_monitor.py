@@ -11,7 +11,16 @@ from faultloop.errors import InputError
 from faultloop.io.can.authentication import CmacSeal
 from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.dbc import DBC_PATH, load_dbc, sender_name
-from faultloop.io.can.frames import Frame, Heartbeat, Measurements, Page, Rejection, SampledValues, State
+from faultloop.io.can.frames import (
+    Differential,
+    Frame,
+    Heartbeat,
+    Measurements,
+    Page,
+    Rejection,
+    SampledValues,
+    State,
+)
 from faultloop.io.can.table import OPERATIONAL, Kind
 from faultloop.nodes.goose import Publisher
 from faultloop.nodes.monitor import BusMonitor, lost, rejections, state_of
@@ -54,6 +63,17 @@ def test_it_counts_decodes_and_checks_states() -> None:
     assert state_of(row) == "1 wrong CRC, 1 wrong length, 1 lost"
     monitor.lap(10_000 * MS)
     assert state_of(row).endswith("silent")
+
+
+def test_it_tells_what_a_line_differential_sends() -> None:
+    monitor = BusMonitor()
+    monitor.begin(0)
+    for n, counter in enumerate((0, 1, 3)):
+        currents = (100 + 0j, -50j, 3 + 4j)
+        monitor.take(n * MS, Differential(1, 1_500_000, currents, counter=counter).encode())
+    (row,) = monitor.sorted_rows()
+    assert monitor.content(row) == "i 100.0 50.0 5.0 A  t 1.500000 s"
+    assert (lost(row), state_of(row)) == (1, "1 lost")
 
 
 def test_rates_and_load() -> None:

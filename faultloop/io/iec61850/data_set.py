@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from faultloop.io.can.frames import Heartbeat, Measurements, Message, Page, SampledValues, State
+from faultloop.io.can.frames import Differential, Heartbeat, Measurements, Message, Page, SampledValues, State
 from faultloop.io.can.table import Kind
 from faultloop.io.iec61850.streams import Block, Member
 
@@ -35,8 +35,8 @@ def values_of(message: Message) -> list[Any]:
         case Heartbeat():
             time = (message.time + 2**31) % 2**32 - 2**31
             return [IntData(value) for value in (message.state, message.alarms, message.rejected, time)]
-        case SampledValues():
-            raise AssertionError("sampled values are no GOOSE")
+        case SampledValues() | Differential():
+            raise AssertionError(f"{type(message).__name__} is no GOOSE")
 
 
 def _quality(test: bool) -> Any:
