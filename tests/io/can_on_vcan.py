@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import can
 import pytest
@@ -19,7 +18,6 @@ from faultloop.io.can.bus import SimulatedBus
 from faultloop.io.can.frames import Frame, SampledValues, State, decode
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import open_bus, open_transport
-from tests.veth import veth_pair
 
 SETTINGS = SimpleNamespace(
     interface="socketcan", channel="vcan0", bitrate=500_000, data_bitrate=2_000_000, fd=True
@@ -155,23 +153,3 @@ def test_remote_frames_are_ignored():
                 break
             time.sleep(0.01)
         assert bus.ignored == 1
-
-
-def test_goose_goes_over_a_pair_of_virtual_ethernets() -> None:
-    pytest.importorskip("open61850")
-    from faultloop.io.iec61850.link import open_link
-
-    with veth_pair() as (one, other):
-        here, there = open_link(one, [Kind.PILOT]), open_link(other, [Kind.TRIP + 3])
-        received: list[Any] = []
-        for _ in range(20):  # an interface that is just up may lose the first ones
-            here.send(TRIP.encode())
-            received = there.receive(0.5)
-            if received:
-                break
-        message = decode(received[0][1])
-        assert isinstance(message, State)
-        assert (message.number, message.poles, message.st_num) == (3, 7, 1)
-        assert here.receive(0.05) == []
-        here.close()
-        there.close()

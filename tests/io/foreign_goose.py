@@ -149,8 +149,9 @@ def sample(interface: str, sv_id: str, app_id: str, count: str) -> None:
     stack.SVPublisher_setupComplete(publisher)
     tell("ready")
     for n in range(int(count)):
-        for k, (value, _) in enumerate(places, 1):
+        for k, (value, quality) in enumerate(places, 1):
             stack.SVPublisher_ASDU_setINT32(asdu, value, (k if k < 5 else k - 1) * n)
+            stack.SVPublisher_ASDU_setQuality(asdu, quality, 0)  # it is not cleared by itself
         stack.SVPublisher_ASDU_setSmpCnt(asdu, n)
         stack.SVPublisher_publish(publisher)
     end()

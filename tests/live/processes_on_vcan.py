@@ -205,6 +205,7 @@ def test_nobody_outlives_a_killed_supervisor(tmp_path):
     assert wait_until(lambda: nodes_alive() == [])
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_run_with_its_log_whole(tmp_path):
     def press(part_done: float) -> None:
         if part_done > 0.05:  # later than a node of a loaded machine is
