@@ -12,12 +12,12 @@ import numpy as np
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.table import Kind
 from faultloop.live.clock import RunClock
-from faultloop.live.stream import SampleStream, quantised
+from faultloop.live.stream import BesideStream, SampleStream, quantised
 from faultloop.loop.pacing import Percentiles
 from faultloop.loop.phasors import give_first, say_first
 from faultloop.loop.recording import Recorder
 from faultloop.loop.scenario import Scenario
-from faultloop.loop.warm import history
+from faultloop.loop.warm import history, measured
 from faultloop.nodes import FOREVER, relay_node
 from faultloop.nodes.block import RelayBlock
 from faultloop.nodes.channel import Arrivals, new_channels
@@ -31,14 +31,17 @@ SILENT_NS = 20_000_000
 
 
 def identifiers(scenario: Scenario, number: int) -> list[int]:
-    """What a relay listens to: its samples, its breaker's position, pilot signals of its partners."""
+    """What a relay listens to: its samples, the parallel line's, its breaker's position, pilot signals of its
+    partners."""
     node = relay_node(scenario, number)
     breaker = [] if node.breaker is None else [Kind.BREAKER_STATUS + node.breaker]
     names = [place.name for place in scenario.relay]
     others = {names.index(c.misrouted) for c in scenario.channel if c.misrouted is not None}
     pilots = [Kind.PILOT + i for i in dict.fromkeys((*node.partners, *sorted(others)))]
     transfers = [kind + i for kind in (Kind.TRANSFER, Kind.DIFFERENTIAL) for i in node.linked]
-    return [Kind.SAMPLED_VALUES + number, *breaker, *pilots, *transfers]
+    parallel = scenario.relay[number].parallel
+    beside = [] if parallel is None else [Kind.SAMPLED_VALUES + names.index(parallel)]
+    return [Kind.SAMPLED_VALUES + number, *beside, *breaker, *pilots, *transfers]
 
 
 class RelayProcess:
@@ -61,7 +64,13 @@ class RelayProcess:
         hz = scenario.system.sampling_hz
         self._clock = SampleClock(hz)
         self._total = self._clock.first_from(round(scenario.scenario.duration_s * 1e9))
-        self._stream = SampleStream(hz, hz // gcd(hz, scenario.system.frequency_hz))
+        cycle = hz // gcd(hz, scenario.system.frequency_hz)
+        self._stream = SampleStream(hz, cycle)
+        self._beside: BesideStream | None = None
+        if self.place.parallel is not None:
+            self._beside = BesideStream(hz, cycle)
+            names = [place.name for place in scenario.relay]
+            self._beside_id = Kind.SAMPLED_VALUES + names.index(self.place.parallel)
         self._arrivals = Arrivals(
             new_channels(
                 scenario.channel,
@@ -80,7 +89,8 @@ class RelayProcess:
         self._heard_ns = 0
         self._restarts = 0
         self.trips = 0
-        self.relay.warm_up(quantised(history(scenario)[:, number]))
+        before = measured(scenario, quantised(history(scenario)))[number]
+        self.relay.warm_up(before[:, :6] if self._beside is None else before)
         self._warm = self.relay.save(), self.relay.events
         self._rehearse()
 
@@ -131,6 +141,8 @@ class RelayProcess:
             if frame.id == self._samples_id:
                 if self._stream.receive(at_ns, frame):
                     self._heard_ns = at_ns
+            elif self._beside is not None and frame.id == self._beside_id:
+                self._beside.receive(at_ns, frame)
             elif not self._arrivals.takes(at_ns, frame):
                 self._hear(t_ns, at_ns, frame)
         self._run(t_ns)
@@ -143,7 +155,8 @@ class RelayProcess:
                 give_first(self.node.nodes, self.node.place, *records_of(self.relay))
 
     def _run(self, t_ns: int) -> None:
-        for first, rows in self._stream.take():
+        taken = self._stream.take()
+        for first, rows in taken if self._beside is None else self._beside.join(taken):
             if self._silent:
                 self._silent = False
                 self._event(t_ns, "info", "sampled values are back")
@@ -172,7 +185,7 @@ class RelayProcess:
     def _record(self, t_ns: int, rows: np.ndarray) -> None:
         relay = self.relay
         first = relay.sample_count - len(rows)
-        self._recorder.block(self.name, self._clock, first, RelayBlock.of(relay, rows))
+        self._recorder.block(self.name, self._clock, first, RelayBlock.of(relay, rows[:, :6]))
         self._tell(t_ns, relay.events)
         outputs = relay.outputs
         self.node.set(t_ns, *outputs.masks)

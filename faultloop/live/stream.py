@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from faultloop.io.can.frames import Frame, SampledValues, decode
 from faultloop.io.can.table import CURRENT_LSB, VOLTAGE_LSB
 from faultloop.nodes.clock import SECOND_NS, SampleClock
+from faultloop.relay.quantities import WIDE
 
 BRIDGED = 2
 """Missing samples in a row that are interpolated, as subscribers of merging units do; more break the rows."""
+WAITS = 8
+"""Samples for which one waits for the parallel line's of the same number."""
 AHEAD_NS = SECOND_NS
 """A sample that is further ahead of the clock is refused: its number would make all true ones look old."""
 
@@ -98,6 +101,49 @@ class SampleStream:
             self._segment = _Segment(self.next_count, [])
         self._segments = [] if self._segment is None else [self._segment]
         return taken
+
+
+class BesideStream:
+    """The residual current of another relay's samples, for the rows of one that measures it, too.
+
+    A row waits for the other's sample of its number, at most until `WAITS` further ones of its own have
+    come; it then has none.
+    """
+
+    def __init__(self, sampling_hz: int, cycle: int) -> None:
+        self._stream = SampleStream(sampling_hz, cycle)
+        self._residual: dict[int, float] = {}
+        self._waiting: list[tuple[int, NDArray[np.float64]]] = []
+
+    def receive(self, t_ns: int, frame: Frame) -> None:
+        """Take one of the other's frames."""
+        self._stream.receive(t_ns, frame)
+
+    def join(self, taken: list[tuple[int, NDArray[np.float64]]]) -> list[tuple[int, NDArray[np.float64]]]:
+        """What `SampleStream.take` gave, as rows (n, WIDE) as far as they are whole."""
+        for first, rows in self._stream.take():
+            self._residual |= dict(enumerate(rows[:, 3:].sum(axis=1).tolist(), first))
+        self._waiting += taken
+        joined, left = [], []
+        newest = max((first + len(rows) for first, rows in self._waiting), default=0)
+        for first, rows in self._waiting:
+            count = 0
+            if not left:
+                while count < len(rows) and (
+                    first + count in self._residual or first + count < newest - WAITS
+                ):
+                    count += 1
+            if count:
+                wide = np.full((count, WIDE), np.nan)
+                wide[:, :6] = rows[:count]
+                wide[:, -1] = [self._residual.pop(first + k, np.nan) for k in range(count)]
+                joined.append((first, wide))
+            if count < len(rows):
+                left.append((first + count, rows[count:]))
+        self._waiting = left
+        done = left[0][0] if left else newest
+        self._residual = {number: i for number, i in self._residual.items() if number >= done}
+        return joined
 
 
 def quantised(samples: NDArray[np.float64]) -> NDArray[np.float64]:

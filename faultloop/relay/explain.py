@@ -117,7 +117,7 @@ def measures_at_rest(g: Record, q: Record, c: Record, loop: int) -> tuple[float,
     x, r = z.imag / reach.imag, (z * reach.conjugate()).imag / reach.imag
     if c.characteristic == OFFSET:
         return np.sqrt(size2(z) / size2(reach)), x, r
-    if c.characteristic == QUAD:
+    if c.characteristic >= QUAD:
         beside = abs(r) / (c.resistive_ground if loop < 3 else c.resistive_phase)
         return max(abs(x) if c.direction == 0 else x, beside), x, r
     along = z.real * reach.real + z.imag * reach.imag
@@ -193,8 +193,8 @@ class Retrace:
         loops: NDArray[np.float64],
         inputs: NDArray[np.int64],
     ) -> None:
-        """Samples (n, 6) from number ``first`` on, phasors (n, 14), loops (n, 12), and what the relay
-        heard, rows of `RelayInputs` (n, 5)."""
+        """Samples (n, 6) or (n, WIDE) from number ``first`` on, phasors (n, 14), loops (n, 12), and what the
+        relay heard, rows of `RelayInputs` (n, 5)."""
         n = len(samples)
         words = np.zeros((n, 2), np.uint64)
         shared, zones = np.zeros(n, SHARED), np.zeros((n, self._zones), ZONE)

@@ -22,6 +22,7 @@ from faultloop.relay.functions.pdis import (
     CROSS_PHASE,
     NEGATIVE,
     OFFSET,
+    OWN,
     POSITIVE,
     QUAD,
     SELF,
@@ -55,7 +56,7 @@ def characteristic(g: Any, c: Any, q: Any, x: Complexes, loop: int) -> Complexes
         return np.empty(0, np.complex128)
     reach = complex(c["reach"])
     reach = complex(reach.real, reach.imag * float(q["frequency"]) / float(g["frequency"]))
-    if c["characteristic"] == QUAD:
+    if c["characteristic"] >= QUAD:
         return _quad(g, c, q, x, loop, reach, i)
     if c["characteristic"] == OFFSET:
         return reach * _CIRCLE
@@ -98,7 +99,10 @@ def _polarizing(c: Any, q: Any, x: Complexes, loop: int, v: complex, drop: compl
 
 
 def _quad(g: Any, c: Any, q: Any, x: Complexes, loop: int, reach: complex, i: complex) -> Complexes:
-    polarizing, fault = _fault_currents(g, q, x, loop, i)
+    if c["characteristic"] == OWN:
+        polarizing, fault = i, i / (1 + complex(c["k0"])) if loop < 3 else i
+    else:
+        polarizing, fault = _fault_currents(g, q, x, loop, i)
     tilted = polarizing * complex(c["tilt"]).conjugate()
     along, beside = i * tilted.conjugate(), reach.conjugate()
     if abs(tilted) == 0 or abs(fault) == 0:

@@ -23,10 +23,11 @@ from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import ELEMENTS, LOOP_IMPEDANCES, PHASORS, POLES, SAMPLED_VALUES, values
 from faultloop.loop.recorded import recorded_scenario
 from faultloop.loop.scenario import Scenario
-from faultloop.loop.warm import history
+from faultloop.loop.warm import history, measured
 from faultloop.relay import Relay, RelayInputs, RelaySettings
 from faultloop.relay.explain import Retrace
 from faultloop.relay.layout import Instance
+from faultloop.relay.quantities import WIDE
 
 NEEDED = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
 ALL_POLES = 7
@@ -81,15 +82,19 @@ def _retrace(log: Log, name: str) -> Retraced:
             )
     relay, scenario = _relay(log, name), _scenario(log)
     run = Retrace(relay)
+    parallel = None
     if scenario is not None:
         place = [one.name for one in scenario.relay].index(name)
-        relay.warm_up(np.ascontiguousarray(history(scenario)[:, place]))
+        parallel = scenario.relay[place].parallel
+        before = measured(scenario, history(scenario))[place]
+        relay.warm_up(np.ascontiguousarray(before[:, :6]) if parallel is None else _one_side(before))
     samples, phasors, loops, elements = (log.array(m.topic_for(name)) for m in NEEDED)
     t_ns = samples["t_ns"]
     if not (len(t_ns) == len(phasors) == len(loops) == len(elements)) or not len(t_ns):
         raise InputError(f"samples, phasors, loops and elements of {name} are not as many", file=log.path)
     numbers = samples["sample_count"].astype(np.int64)
     inputs = _inputs(log, name, relay, elements)
+    rows = values(samples) if parallel is None else _with_parallel(log, samples, parallel)
     pieces = np.split(np.arange(len(t_ns)), np.flatnonzero(np.diff(numbers) != 1) + 1)
     for count, piece in enumerate(pieces):
         part = slice(int(piece[0]), int(piece[-1]) + 1)
@@ -100,7 +105,7 @@ def _retrace(log: Log, name: str) -> Retraced:
             turned[:, :12].view(np.complex128)[...] *= _turn(relay, int(numbers[part.start]))
         run.run(
             int(numbers[part.start]),
-            np.ascontiguousarray(values(samples[part])),
+            np.ascontiguousarray(rows[part]),
             turned,
             np.ascontiguousarray(values(loops[part])),
             inputs[part],
@@ -115,6 +120,29 @@ def _retrace(log: Log, name: str) -> Retraced:
         log.warn(f"{what}this version; {_again(log)}")
     args = (name, relay.settings, relay.instances, run.constants, t_ns[place], shared, zones)
     return Retraced(*args, differs_ns, differs)
+
+
+def _one_side(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Without the voltages of the breaker's other side, which no log has."""
+    rows = rows.copy()
+    rows[:, 6:9] = np.nan
+    return rows
+
+
+def _with_parallel(log: Log, samples: np.ndarray, parallel: str) -> NDArray[np.float64]:
+    """Samples (n, WIDE): with the residual current that the log has of the parallel line's relay."""
+    topic = SAMPLED_VALUES.topic_for(parallel)
+    if topic not in log.topics:
+        what = f"has no {topic}, whose residual current the relay measures, too; {_again(log)}"
+        raise InputError(what, file=log.path)
+    other = log.array(topic)
+    wide = np.full((len(samples), WIDE), np.nan)
+    wide[:, :6] = values(samples)
+    place = np.searchsorted(other["sample_count"], samples["sample_count"])
+    there = place < len(other)
+    there[there] = other["sample_count"][place[there]] == samples["sample_count"][there]
+    wide[there, -1] = values(other)[place[there], 3:].sum(axis=1)
+    return wide
 
 
 def _again(log: Log) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from faultloop.errors import InputError, nearest
 from faultloop.io.mcap_reader import Log
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
-from faultloop.relay.functions.pdis import CROSS, MEMORY_POLARIZED, OFFSET, QUAD, SELF
+from faultloop.relay.functions.pdis import CROSS, MEMORY_POLARIZED, OFFSET, OWN, QUAD, SELF
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.layout import Instance
 from faultloop.relay.quantities import FAULTS, LOOPS
@@ -38,6 +38,7 @@ POLARIZED = {
     MEMORY_POLARIZED: "V1 from before the fault",
     OFFSET: "nothing (a circle about the origin)",
     QUAD: "the fault's current",
+    OWN: "the loop's own current",
 }
 
 

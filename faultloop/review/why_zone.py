@@ -194,7 +194,7 @@ def _parts(zone: Zone, at: NDArray[np.intp]) -> str:
     r = float(np.median(_middles(np.abs(zone.z["r"][at][:, zone.judged]))))
     ground = max(zone.judged) < 3
     text = f" ({x:.2f} of reach along the reactance line"
-    if zone.c["characteristic"] == QUAD:
+    if zone.c["characteristic"] >= QUAD:
         limit = float(zone.c["resistive_ground" if ground else "resistive_phase"])
         return f"{text}, {r:.3g} of {limit:.3g} ohm)"
     return f"{text}, {r:.3g} ohm)"

@@ -19,7 +19,7 @@ from faultloop.live.clock import SECOND_NS, RunClock
 from faultloop.live.merge import merge
 from faultloop.live.plant import PlantProcess
 from faultloop.live.relay import RelayProcess
-from faultloop.live.stream import SampleStream, quantised
+from faultloop.live.stream import WAITS, BesideStream, SampleStream, quantised
 from faultloop.live.supervisor import run_processes
 from faultloop.loop.pacing import Deadlines, Percentiles
 from faultloop.loop.recording import MemorySink, Recorder
@@ -83,6 +83,27 @@ def test_what_is_no_new_valid_sample_is_refused_and_counted():
         assert not stream.receive(at(3), frame)
     assert stream.rejected == len(bad)
     assert stream.receive(at(3), good)
+
+
+def test_the_parallel_lines_residual_current_goes_with_the_sample_of_its_number():
+    """What `sample` makes has its value in all six channels: 3 i0 is three times it."""
+    own, beside = SampleStream(HZ, CYCLE), BesideStream(HZ, CYCLE)
+    fed(own, [0, 1, 2])
+    for k in (0, 1):
+        beside.receive(at(k), sample(k, 10.0 * k))
+    ((first, rows),) = beside.join(own.take())
+    assert (first, rows[:, 0].tolist(), rows[:, -1].tolist()) == (0, [0, 1], [0, 30])
+    assert np.isnan(rows[:, 6:9]).all()
+    assert beside.join(own.take()) == []  # sample 2 waits
+    beside.receive(at(2), sample(2, 20.0))
+    ((first, rows),) = beside.join(own.take())
+    assert (first, rows[:, -1].tolist()) == (2, [60])
+    fed(own, list(range(3, 3 + WAITS + 2)))  # the other is silent: two have waited long enough
+    ((first, rows),) = beside.join(own.take())
+    assert (first, len(rows)) == (3, 1) and np.isnan(rows[0, -1])
+    fed(own, [3 + WAITS + 2])
+    ((first, rows),) = beside.join(own.take())
+    assert (first, len(rows)) == (4, 1)
 
 
 def test_the_clock_runs_at_its_pace_and_names_whole_microseconds():

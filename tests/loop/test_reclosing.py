@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import pytest
 
 from faultloop.errors import InputError
@@ -35,6 +38,24 @@ def test_the_last_infeed_is_gone_50_ms_after_the_back_trip() -> None:
     }
     assert opened.keys() == {"/breaker/QB", "/breaker/QX"}
     assert opened["/breaker/QX"] < 310.0
+
+
+def test_an_extended_zone_trips_once_and_then_leaves_the_fault_to_zone_2(tmp_path: Path) -> None:
+    """A-B-C at 95 % that stays: reclosed after zone 5 of 120 %, without delay; onto it zone 2 trips, with its
+    350 ms."""
+    shutil.copytree(shipped("reclosing").parent / "settings", tmp_path / "settings")
+    leader = tmp_path / "settings" / "ab-reclose-leader.toml"
+    text = leader.read_text(encoding="utf-8").replace("zones = [1, 2, 4]", "zones = [1, 2, 4, 5]")
+    text = text.replace("[rrec]", "[[pdis]]\nzone = 5\nreach_pu = 1.2\n\n[rrec]\nextension_zone = 5")
+    leader.write_text(text, encoding="utf-8")
+    path = shutil.copy(shipped("reclosing"), tmp_path)
+    stays = ["fault.F1.at_pu=0.95", "fault.F1.type=ABC", "fault.F1.duration_s=9", "scenario.duration_s=1.2"]
+    result = run(load_scenario(path, [*stays, "fault.F2.resistance_ohm=1e9"]))
+    trips = [trip for trip in result.trips if trip.relay == "RA"]
+    assert [trip.function for trip in trips] == ["PDIS5", "PDIS2"]
+    closed_ns = next(e.t_ns for e in result.events if "the reclaim time begins" in e.text)
+    assert trips[0].t_ns < 150e6
+    assert trips[1].t_ns - closed_ns == pytest.approx(360e6, abs=20e6)
 
 
 @pytest.mark.parametrize(

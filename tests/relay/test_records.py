@@ -69,3 +69,34 @@ def test_transformer_inrush(records: Path, root: Path) -> None:
         phase = 2 * np.pi * 50 * t[:, None] + np.radians(angle - np.array([0, 120, 240]))
         volts = 110e3 * np.sqrt(2 / 3) * np.cos(phase)
         assert not play(Relay(settings), np.column_stack([volts, currents]))
+
+
+def test_breaker_failure_30kv(records: Path) -> None:
+    """An earth fault that the record begins with; its relay trips its breaker at 0.980 and, 160 ms later, the
+    breakers around: pole A goes on carrying current, although 52b says open at 1.028, until 1.183."""
+    hz = 1200
+    samples = np.ascontiguousarray(analog(records / "breaker-failure-30kv", "NOR-T2_osc1")[:6].T)
+    given = {
+        "relay": {"frequency_hz": 50, "sampling_hz": hz, "nominal_kv": 30},
+        "estimator": {"method": "fourier"},
+        "line": {"z1_ohm": [1.0, 3.0], "z0_ohm": [2.0, 8.0]},
+        "ptoc": [{"quantity": "residual", "pickup_a": 300.0, "delay_ms": 940.0}],
+        "rbrf": {"current_a": 300.0, "retrip_ms": 100.0, "backup_ms": 160.0},
+    }
+    relay = Relay(RelaySettings.from_dict(given))
+    bit, done = relay.bits.index("RBRF1"), 0
+    events, flows = [], np.empty(len(samples), np.bool_)
+    while done < len(samples):
+        if done > 1.0283 * hz:  # as the auxiliary contact has it
+            relay.inputs = relay.inputs._replace(breaker_closed=0)
+        m = relay.advance(samples[done:])
+        flows[done : done + m] = (relay.pickup >> np.uint64(bit)) & np.uint64(1)
+        events += relay.events
+        done += m
+    (tripped,) = [e.sample_count for e in events if e.trip]
+    assert tripped / hz == pytest.approx(0.980, abs=0.02)
+    (failed,) = [e for e in events if "OpEx: current" in e.text]
+    assert failed.text == "RBRF1 OpEx: current of pole A still flows: breaker failure"
+    assert (failed.sample_count - tripped) / hz == pytest.approx(0.160, abs=2 / hz)
+    last_zero, off = 1.1833, (np.flatnonzero(flows)[-1] + 1) / hz
+    assert 0 < off - last_zero <= 0.015

@@ -70,7 +70,8 @@ class Overcurrent(Table):
     without_voltage: Literal["block", "non-directional"] = "block"
     """What a directional stage does while the voltage transformer's fuse has failed (`[tvtr]`)."""
     when: Literal["always", "fuse-failure"] = "always"
-    """"fuse-failure": an emergency stage, there only while `[tvtr]` has taken the distance zones away."""
+    """"fuse-failure": an emergency stage, there only while `[tvtr]` has taken the distance zones away, or
+    while no phase's voltage is proven: all three were lost without load, or have never been there."""
 
     @model_validator(mode="after")
     def _directional(self) -> Overcurrent:
@@ -175,7 +176,7 @@ def is_ahead(g: Record, q: Record, c: Record, w: Record, k: int) -> int:
 @njit
 def multiple(g: Record, q: Record, c: Record, w: Record, k: int) -> float:
     """A current over the pickup, 0 where the stage has nothing to do with it."""
-    if c.emergency and not q.fuse_failure:
+    if c.emergency and not q.fuse_failure and q.proven:
         return 0.0
     if c.quantity != PHASE and q.missing:  # a current that is missing makes a residual of its own
         return 0.0

@@ -14,6 +14,10 @@ resistance falls out (ibid., eq. 11), and for the fault resistance
 Ip of a ground loop is the negative-sequence part of its current and If = 3/2 (I2 + I0); both of a phase loop
 are the change of the loop current while the memory holds, then (twice) its negative-sequence part, and the
 loop current itself for a balanced fault.  None of these contains the load.
+
+Where inverters feed the fault the angles of change and negative sequence are those of their control, and of
+no network.  ``polarization = "loop"`` takes the loop's own current for both (over 1 + k0 for a ground loop,
+as the fault's): the plain impedance, which holds whatever the source is (Kasztenny 2022, MIPSYCON).
 """
 
 from __future__ import annotations
@@ -38,7 +42,7 @@ if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
 MAX_ZONES = 16
-SELF, CROSS, MEMORY_POLARIZED, OFFSET, QUAD = range(5)
+SELF, CROSS, MEMORY_POLARIZED, OFFSET, QUAD, OWN = range(6)
 _POLARIZATION = {"self": SELF, "cross": CROSS, "memory": MEMORY_POLARIZED}
 _DIRECTION = {"forward": 1, "reverse": -1, "none": 0}
 _LOOPS = {"all": 0b111111, "ground": 0b000111, "phase": 0b111000}
@@ -70,8 +74,9 @@ class Pdis(Table):
     """Into the line, away from it, or both."""
     characteristic: Literal["mho", "quad"] = "mho"
     """A circle, or a quadrilateral."""
-    polarization: Literal["self", "cross", "memory"] | None = None
-    """Of a mho; "memory" where not given."""
+    polarization: Literal["self", "cross", "memory", "loop"] | None = None
+    """Of a mho; "memory" where not given.  "loop" is a quad's, for faults that inverters feed: by the loop's
+    own current; by the fault's, without load, where not given."""
     loops: Literal["all", "ground", "phase"] = "all"
     """Which loops it measures."""
     reach_pu: Positive | None = None
@@ -108,10 +113,12 @@ class Pdis(Table):
         if self.characteristic == "quad":
             if self.resistive_reach_ohm is None:
                 raise ValueError('characteristic = "quad" needs resistive_reach_ohm')
-            if self.polarization is not None:
-                raise ValueError('polarization belongs to characteristic = "mho"')
+            if self.polarization not in (None, "loop"):
+                raise ValueError(f'polarization = "{self.polarization}" belongs to characteristic = "mho"')
         elif self.resistive_reach_ohm is not None or self.resistive_reach_ground_ohm is not None:
             raise ValueError('resistive_reach_ohm belongs to characteristic = "quad"')
+        elif self.polarization == "loop":
+            raise ValueError('polarization = "loop" belongs to characteristic = "quad"')
         return self
 
 
@@ -144,7 +151,7 @@ def _given(value: float | None, otherwise: float) -> float:
 
 def _characteristic(zone: Pdis) -> int:
     if zone.characteristic == "quad":
-        return QUAD
+        return OWN if zone.polarization == "loop" else QUAD
     if zone.direction == "none":
         return OFFSET
     return _POLARIZATION[zone.polarization or "memory"]
@@ -218,7 +225,10 @@ def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex
 def quad_measures(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> tuple[float, float]:
     """m along the reactance line, and the fault resistance R [ohm], positive ahead of the zone."""
     drop = at_frequency(g, q.memory, c.reach) * i
-    polarizing, fault = fault_currents(g, q, loop, i)
+    if c.characteristic == OWN:
+        polarizing, fault = i, i / (1.0 + c.k0) if loop < 3 else i
+    else:
+        polarizing, fault = fault_currents(g, q, loop, i)
     polarizing = polarizing * c.tilt.conjugate()
     m = (v * polarizing.conjugate()).imag / (drop * polarizing.conjugate()).imag
     axis = drop.conjugate()

@@ -23,6 +23,14 @@ enter it, and it is greatest where the loop's own voltage is zero.  So the measu
   mixed in so that it never vanishes, against the current: forward within -15 .. 115 degrees, reverse
   opposite.  When the memory has faded and no voltage is left, the last direction stands.
 
+Inverters.  All of this takes the network on the other side of the fault for passive, with voltages of its own
+that stay; a converter is neither, and the angle of what it feeds is its control's.  But it feeds little.  A
+fault behind the relay changes voltages and currents in the ratio of the impedance ahead, one ahead in that of
+the source behind: with nothing but inverters on one side, a ratio above every one that the other side can
+have (``source_ohm``) is theirs, so the fault is on the other side of the relay, whatever the angles say.
+Below it the current comes from the synchronous side, for which the above holds.  Only magnitudes of positive
+and negative sequence are in it, so neither a resistance at the fault nor the transformer's zero sequence is.
+
 Why not the loop voltage with memory for everything: with load and fault resistance its angle wanders, and
 during the estimator's transient it starts from the load's direction; sequence changes are the safer evidence
 where they exist.
@@ -32,11 +40,12 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from faultloop.config.tables import Milliseconds, Table
+from faultloop.config.tables import Milliseconds, Positive, Table
+from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import positive_sequence, size2, weight
@@ -53,6 +62,9 @@ TURNED = 0.01
 """Of the apparent power of the change: so much of it must go the other way."""
 STILL = 0.05
 """Of the whole change, within a sixteenth of a cycle."""
+_AWAY = {"none": 0, "behind": 1, "ahead": -1}
+"""Where a fault is that only inverters feed through the relay's place."""
+SOURCE_MARGIN = 1.25
 
 
 class Rdir(Table):
@@ -70,9 +82,16 @@ class Rdir(Table):
     """Reverse where it is above this one."""
     minimum_unbalance: Annotated[float, Field(gt=0, lt=1)] = 0.1
     """Of I2 (or I0) over I1: below it the positive-sequence element decides."""
+    inverters: Literal["none", "behind", "ahead"] = "none"
+    """The side on which, at times, nothing but inverters feeds a fault."""
+    source_ohm: Positive | None = None
+    """With it: the greatest positive-sequence impedance that the other side can have, as the relay sees it:
+    the sources behind, or (inverters behind) the line with all that is ahead."""
 
     @model_validator(mode="after")
     def _order(self) -> Rdir:
+        if (self.inverters == "none") != (self.source_ohm is None):
+            raise ValueError('inverters = "behind" or "ahead" and source_ohm go together')
         if self.z2_reverse_pu <= self.z2_forward_pu:
             raise ValueError("z2_reverse_pu must be above z2_forward_pu")
         return self
@@ -85,7 +104,32 @@ def values(settings: RelaySettings, table: Rdir) -> dict[str, Any]:
         "sector_high": cmath.rect(1.0, math.radians(table.maximum_angle_deg)),
         "z2_forward": table.z2_forward_pu,
         "z2_reverse": table.z2_reverse_pu,
+        "away": _AWAY[table.inverters],
+        "source": SOURCE_MARGIN * (table.source_ohm or 0.0) * settings.ohm_ratio,
     }
+
+
+def check(settings: RelaySettings) -> None:
+    """What is ahead of a relay with inverters behind has the line in it."""
+    table, line = settings.rdir, abs(settings.z1_ohm) / settings.ohm_ratio
+    if table.inverters == "behind" and (table.source_ohm or 0.0) <= line:
+        what = (
+            f"must be the whole line, {line:.4g} ohm, with what is ahead of it, as the inverters are behind;"
+            f" not {table.source_ohm:g}"
+        )
+        raise InputError(what, key="rdir.source_ohm")
+
+
+@njit
+def fed_by_inverters(g: Record, q: Record, c: Record, w: Record) -> int:
+    """1 where the change is that of a source weaker than any of the synchronous side, -1 where it is not,
+    0 while neither has stood for an eighth of a cycle."""
+    d = q.change
+    voltage2, current2 = size2(d[1]) + size2(d[2]), size2(d[4]) + size2(d[5])
+    now = 1 if voltage2 > c.source**2 * current2 else -1
+    w.fed_for = w.fed_for + 1 if now == w.fed else 1
+    w.fed = now
+    return now if 8 * w.fed_for >= g.cycle else 0
 
 
 @njit
@@ -177,7 +221,7 @@ def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
 @njit
 def forget(w: Record) -> None:
     """Back to rest."""
-    w.direction = w.candidate = w.count = w.contrary = w.changed = w.crossed = 0
+    w.direction = w.candidate = w.count = w.contrary = w.changed = w.crossed = w.fed = w.fed_for = 0
 
 
 @njit
@@ -189,6 +233,11 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
     q.polarizing = polarizing_voltage(g, q)
     if q.dead == ALL_POLES:  # an open line has no direction
         forget(w)
+        return
+    fed = fed_by_inverters(g, q, c, w) if c.away else -1
+    if fed >= 0:  # by inverters, or not yet known
+        w.count = w.contrary = 0
+        w.direction = c.away if fed and q.fault else 0
         return
     candidate = indication(g, q, c)
     if candidate == AS_BEFORE:
@@ -233,6 +282,8 @@ RDIR = Function(
         ("sector_high", "c16"),
         ("z2_forward", "f8"),  # of the line's impedance
         ("z2_reverse", "f8"),
+        ("away", "i8"),  # from the inverters: 1 ahead, -1 behind; 0 there are none
+        ("source", "f8"),  # greatest impedance of the other side, with a margin [ohm]
     ),
     values=values,
     state=(
@@ -244,8 +295,11 @@ RDIR = Function(
         ("apparent", "f8"),  # ... and of what it could be
         ("changed", "i8"),
         ("crossed", "i8"),  # there have been faults on both sides: the energy is that of two
+        ("fed", "i8"),  # 1 by inverters, -1 by the synchronous side ...
+        ("fed_for", "i8"),  # ... for so many samples
     ),
     always=True,
     bits=("DirFwd", "DirRev"),
     told=False,
+    check=check,
 )

@@ -55,6 +55,19 @@ def test_an_emergency_stage_is_there_only_while_the_fuse_has_failed() -> None:
     assert k.q["operate"] == 1
 
 
+def test_an_emergency_stage_is_there_while_no_voltage_is_proven() -> None:
+    """All three lost without load: no fuse failure that can be told from a dead line, but no voltage
+    either."""
+    x = np.r_[np.zeros(3), 1000.0 * TURN]
+    k = Kernel(PIOC, {"pickup_a": 100.0, "when": "fuse-failure"}, tvtr={})
+    k.q["proven"] = 0b100
+    k.step(x, count=50)
+    assert k.q["pickup"] == 0
+    k.q["proven"] = 0
+    k.step(x, count=50)
+    assert k.q["operate"] == 1
+
+
 @pytest.mark.parametrize(("polarization", "operates"), [("block", 0), ("non-directional", 1)])
 def test_what_a_directional_stage_does_without_voltage(polarization: str, operates: int) -> None:
     k = stage(without_voltage=polarization, **FORWARD)

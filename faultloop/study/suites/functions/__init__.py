@@ -7,21 +7,24 @@ from typing import Any
 
 from faultloop.errors import InputError
 from faultloop.study.report import Check, Report, Table
-from faultloop.study.suites.functions import diagrams
+from faultloop.study.suites.functions import diagrams, inverter_network
 from faultloop.study.suites.functions.cases import Case, Compared, cases_of
 
 PARTS = {
     "curves": "Inverse-time overcurrent: curves, resets, the disc",
     "functions": "Protection functions, their kernels alone",
     "components": "Components of the primary system",
+    "inverters": "Protection elements with faults that inverters feed",
     "parallel-lines": "Ground loops of parallel lines, without compensation and with",
     "sequences": "Reclosing and breaker failure in the closed loop",
 }
 DIAGRAMS: dict[str, Callable[[bool], list[Any]]] = {
     "curves": diagrams.curves,
+    "inverters": inverter_network.diagrams,
     "parallel-lines": diagrams.parallel,
     "functions": diagrams.functions,
 }
+TABLES: dict[str, Callable[[bool], Table]] = {"inverters": inverter_network.table}
 COLUMNS = ("", "of", "case", "what", "expected", "got", "tolerance", ">off, of it", "origin")
 MOST_DIGITS = 6
 
@@ -40,6 +43,8 @@ def run(parts: Sequence[str], *, quick: bool, progress: Callable[[float], Any]) 
                 done += 1
                 progress(done / total)
             fill(report, rows)
+            if part in TABLES:
+                report.tables.append(TABLES[part](quick))
             report.diagrams += DIAGRAMS[part](quick) if part in DIAGRAMS else []
         except InputError as error:
             report.failed = str(error)

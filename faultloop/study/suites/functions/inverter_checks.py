@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from faultloop.study.suites.functions.inverter_network import element_scores
 from faultloop.study.suites.functions.two_ended import FORTESCUE, phasors, record
 
 Case = dict[str, Any]
@@ -120,4 +121,8 @@ def transformer(given: Case) -> Case:
     return {"z1_ohm": [z1.real, z1.imag], "z0_ohm": [z0.real, z0.imag]}
 
 
-CHECKS: dict[str, Callable[[Case], Case]] = {"inverter": outcome, "transformer": transformer}
+CHECKS: dict[str, Callable[[Case], Case]] = {
+    "inverter": outcome,
+    "transformer": transformer,
+    "inverter-elements": element_scores,
+}
