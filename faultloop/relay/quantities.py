@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from faultloop.jit import njit
 from faultloop.relay import currents, cvt, energy, memory, recent, voltages
 from faultloop.relay.energy import ENERGY
-from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2
+from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2, third
 from faultloop.relay.recent import RECENT, SQRT2
 
 if TYPE_CHECKING:
@@ -62,6 +62,7 @@ CONSTANTS = np.dtype(
         ("stride", "i8"),  # samples in a value of the recent ones
         ("values", "i8"),  # recent values in a cycle
         ("turn_per_value", "f8"),  # [rad]
+        ("rotor", "c16"),  # e^(j w0 t) from a sample to the next
         ("z1", "c16"),  # of the line [ohm]
         ("z0", "c16"),
         ("mutual", "c16"),  # z0m / (3 z1) with the parallel line; 0: not compensated
@@ -105,6 +106,7 @@ QUANTITIES = np.dtype(
         ("mutual", "c16"),  # what it adds to the current of a ground loop
         ("inverse", "f8", (cvt.STATE,)),
         ("recent", RECENT),  # the samples of the last cycle and a half
+        ("turn", "c16"),  # e^(j w0 t) of the sample
         ("settled", "i8"),  # the estimator has settled: phasors are measurements
         ("sequence", "c16", (6,)),  # v0 v1 v2 i0 i1 i2
         ("closed", "i8"),  # mask of closed poles, as reported
@@ -192,6 +194,7 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "stride": stride,
         "values": round(cycle / stride),
         "turn_per_value": 2 * math.pi * stride / cycle,
+        "rotor": cmath.rect(1.0, 2 * math.pi / cycle),
         "z1": settings.z1_ohm,
         "z0": settings.z0_ohm,
         "mutual": settings.z0m_ohm / (3 * settings.z1_ohm),
@@ -243,15 +246,22 @@ def sequences(x: NDArray[np.complex128], out: NDArray[np.complex128]) -> None:
     """v0 v1 v2 i0 i1 i2 of six phasors, phase A (Fortescue)."""
     for k in (0, 3):
         a, b, c = x[k], x[k + 1], x[k + 2]
-        out[k] = (a + b + c) / 3
-        out[k + 1] = (a + A * b + A2 * c) / 3
-        out[k + 2] = (a + A2 * b + A * c) / 3
+        out[k] = third(a + b + c)
+        out[k + 1] = third(a + A * b + A2 * c)
+        out[k + 2] = third(a + A2 * b + A * c)
 
 
 @njit
 def nominal_turn(g: Record, number: int) -> complex:
     """e^(j w0 t) of a sample; whole seconds are left out, so that it stays exact."""
     return cmath.rect(1.0, 2 * math.pi * g.frequency * ((number % g.sampling) / g.sampling))
+
+
+@njit
+def turn_on(g: Record, q: Record) -> None:
+    """Keep `nominal_turn` of the sample: anew in each 64th, by its rotor from one to the next, within 1e-14
+    (measured: 40 ns a sample less)."""
+    q.turn = nominal_turn(g, q.memory.seen) if q.memory.seen % 64 == 0 else q.turn * g.rotor
 
 
 @njit
@@ -304,7 +314,7 @@ def compensate(g: Record, q: Record) -> None:
     """What the parallel line's residual current adds to a ground loop's: nothing on the healthy one of two
     lines, whose own is the smaller one; it would look for the fault nearer than it is."""
     beside, own = size2(q.recent.beside), 9 * size2(q.sequence[3])
-    counts = abs(g.mutual) > 0.0 and own > SHARE**2 * beside
+    counts = size2(g.mutual) > 0.0 and own > SHARE**2 * beside
     q.mutual = g.mutual * q.recent.beside if counts else complex(0.0, 0.0)
     q.recent.mutual = g.mutual_in_time if counts else 0.0
 
@@ -315,7 +325,8 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     q.number += 1
     for k in range(6):
         q.x[k] = complex(row[2 * k], row[2 * k + 1])
-    turn = nominal_turn(g, q.memory.seen)
+    turn_on(g, q)
+    turn = q.turn
     if g.in_front:
         cvt.restore(g.inverse, q.inverse, sample, q.sample)
         recent.instantaneous(q.sample, q.x, turn, q.sample)

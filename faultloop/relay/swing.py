@@ -25,7 +25,7 @@ import numpy as np
 
 from faultloop.jit import njit
 from faultloop.relay import energy
-from faultloop.relay.memory import A2, A, size2, weight
+from faultloop.relay.memory import A2, A, size2, third, weight
 from faultloop.relay.quantities import sequences
 
 Record = Any
@@ -63,8 +63,8 @@ def point(g: Record, v: complex, i: complex) -> tuple[float, float, float]:
 def point_ago(g: Record, m: Record, lag: int) -> tuple[float, float, float]:
     """That of the snapshot as many snapshots ago."""
     x = m.ring[(m.head - lag) % g.snapshots]
-    v = (x[0] + A * x[1] + A2 * x[2]) / 3
-    i = (x[3] + A * x[4] + A2 * x[5]) / 3
+    v = third(x[0] + A * x[1] + A2 * x[2])
+    i = third(x[3] + A * x[4] + A2 * x[5])
     return point(g, v, i)
 
 
