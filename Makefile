@@ -4,18 +4,18 @@ BIN    := $(VENV)/bin
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: demo test test-slow lint format bench constraints clean
+.PHONY: demo test test-slow lint format docs bench constraints clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "faultloop needs Python 3.11 or newer: install one, or say make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-# One stamp per set of dependencies: run, test, dev.
+# One stamp per set of dependencies: run, test, dev, docs.
 $(VENV)/.run: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	@touch $@
-$(VENV)/.test $(VENV)/.dev: $(VENV)/.%: pyproject.toml constraints.txt | $(BIN)/python
+$(VENV)/.test $(VENV)/.dev $(VENV)/.docs: $(VENV)/.%: pyproject.toml constraints.txt | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[$*]'
 	@touch $@ $(VENV)/.run
 
@@ -38,6 +38,9 @@ lint: $(VENV)/.dev  ## lint, format, types, import rules
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix-only --quiet .
 	$(BIN)/ruff format .
+
+docs: $(VENV)/.docs  ## the site in build/site; needs no network
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: $(VENV)/.test  ## every figure of docs/evidence.md that is a speed
 	for b in bench/*.py; do $(BIN)/python $$b || exit; done

@@ -39,6 +39,7 @@ class Zone:
     resistive : of a quadrilateral in the impedance plane; None for a mho.
     tilt_deg : of its reactance line, positive where it falls towards the resistive side.
     differs : part of its area by which it misses the file's own shape.
+    shape : the corners of the file's own shape, where it draws one.
     """
 
     number: int
@@ -51,6 +52,7 @@ class Zone:
     resistive: float | None = None
     tilt_deg: float = 0.0
     differs: float = 0.0
+    shape: tuple[complex, ...] = ()
 
 
 @dataclass
@@ -127,6 +129,6 @@ class Taken:
         self.zones.append(
             Zone(
                 number, name, loops, direction, cmath.rect(fitted.reach, along), delay_s, trips,
-                fitted.resistive, fitted.tilt_deg, fitted.differs,
+                fitted.resistive, fitted.tilt_deg, fitted.differs, tuple(points),
             )
         )  # fmt: skip

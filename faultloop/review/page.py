@@ -104,7 +104,7 @@ def _body(
     log: Log, summary: Summary, record: dict, title: str, known: Mapping[str, Retraced]
 ) -> Iterable[str]:
     yield f"<h1>{html.escape(title)}</h1>"
-    yield from (f"<p>{html.escape(line)}</p>" for line in headline(summary))
+    yield from (f"<p>{html.escape(line)}</p>" for line in headline(summary, named=False))
     yield f"<p>{html.escape(can_text(summary.can))}</p>"
     yield from (f'<p class="warning">Warning: {html.escape(text)}</p>' for text in summary.warnings)
     if not any(own.trips for own in summary.relays.values()):

@@ -42,6 +42,9 @@ LOOP_COLUMNS = (
     ">B",
     ">C",
 )
+BESIDE_COLUMNS = (">at", "record", ">until", "this relay")
+MOST_BESIDE = 40
+"""Of a record's digital channels, of which some have hundreds: those that came first."""
 BREAKER_COLUMNS = ("breaker", ">at", "command", "opened", "closed", "poles now closed")
 
 
@@ -60,10 +63,10 @@ def print_review(summary: Summary, console: Console, *, secondary: bool = False)
         console.print(warning, markup=False)
 
 
-def headline(summary: Summary) -> list[str]:
-    """Log, faults and where time zero comes from, one line each."""
+def headline(summary: Summary, *, named: bool = True) -> list[str]:
+    """Log, faults and where time zero comes from, one line each; ``named``: with the scenario's name."""
     log, zero = summary.log, summary.inception
-    name = f"{log.scenario}: " if log.scenario else ""
+    name = f"{log.scenario}: " if log.scenario and named else ""
     size = f"{log.size_bytes / 1e6:.1f} MB"
     relays = f"relays {', '.join(log.relays)}" if log.relays else "no relay"
     lines = [f"{name}{log.duration_s:.4g} s from {log.start[:23]}Z, {relays}, {size}"]
@@ -105,6 +108,7 @@ def tables(summary: Summary) -> Iterable[tuple[str, Sequence[str], Rows]]:
         ("Phasors: RMS primary, angle against VA before the fault", PHASOR_COLUMNS, phasor_rows(summary)),
         ("Faulted loop and load [ohm, primary], peak currents", LOOP_COLUMNS, loop_rows(summary)),
         ("Elements [ms]", ELEMENT_COLUMNS, element_rows(summary)),
+        ("The record's own relay beside this one [ms]", BESIDE_COLUMNS, beside_rows(summary)),
         ("Breakers [ms]", BREAKER_COLUMNS, breaker_rows(summary)),
     )
     return [table for table in found if table[2]]
@@ -191,6 +195,27 @@ def element_rows(summary: Summary) -> Rows:
             off = "stays" if first.last_off_ms is None else _fixed(first.last_off_ms, 2)
             rows.append((name, node, *on, off, _times(first)))
     return rows
+
+
+def beside_rows(summary: Summary) -> Rows:
+    """What a replayed record's own digital channels did first, and what our elements did first, by time."""
+    channels = [(*span, one.name) for one in summary.digital for span in one.on_ms[:1]]
+    theirs = [
+        (on, (_fixed(on, 2), name, "stays" if off is None else _fixed(off, 2), ""))
+        for on, off, name in sorted(channels, key=lambda channel: channel[0])[:MOST_BESIDE]
+    ]
+    if not theirs:
+        return []
+    kinds = ("Str", "Op", "Tr")
+    ours = [
+        (element.first_ms, (_fixed(element.first_ms, 2), "", "", element.name.replace(".", " ")))
+        for own in summary.relays.values()
+        for element in own.elements
+        if element.name.rpartition(".")[2] in kinds
+    ]
+    rows = [row for _, row in sorted([*theirs, *ours], key=lambda found: found[0])]
+    left = len(channels) - len(theirs)
+    return [*rows, ("", f"and {left} more", "", "")] if left else rows
 
 
 def _times(element: ElementFacts) -> str:

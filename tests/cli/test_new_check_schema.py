@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import tomllib
-import zipfile
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -62,16 +60,6 @@ def test_new_where_nothing_can_be(capsys: Capture, tmp_path: Path) -> None:
     assert "cannot be written" in refused(capsys, "new", "a" * 300)
     refused(capsys, "new", "/")
     assert (tmp_path / "file").read_text(encoding="utf-8") == "mine"
-
-
-@pytest.mark.skipif(find_spec("hatchling") is None, reason="needs hatchling, which builds the wheel")
-def test_a_wheel_has_the_files(tmp_path: Path) -> None:
-    from hatchling.builders.wheel import WheelBuilder
-
-    wheel = next(WheelBuilder(str(ROOT)).build(directory=str(tmp_path)))
-    names = set(zipfile.ZipFile(wheel).namelist())
-    for path in ("scenarios/ag-zone1.toml", "scenarios/settings/ab-mho.toml", "examples/my_breaker.py"):
-        assert f"faultloop/starter/{path}" in names
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "scenarios").glob("*.toml")), ids=lambda path: path.stem)

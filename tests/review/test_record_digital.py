@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -12,9 +13,12 @@ import faultloop
 from faultloop.cli import call
 from faultloop.io.comtrade import read_comtrade
 from faultloop.loop.replay import replay
+from faultloop.review.facts import DigitalFacts
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
+from faultloop.review.text import beside_rows
 from faultloop.review.view import DIGITAL_ROWS, relay_view
+from tests.review.review_logs import write_log
 
 MAP = ",".join(
     f"{slot}={place}" for slot, place in zip(("va", "vb", "vc", "ia", "ib", "ic"), range(6), strict=True)
@@ -78,3 +82,31 @@ def test_the_timeline_and_the_pages(log: Path, tmp_path: Path, capsys: pytest.Ca
     assert len(json.loads(capsys.readouterr().out)["digital"]) == 8
     assert rows[0].label in html.read_text(encoding="utf-8")
     assert png.stat().st_size > 10_000
+
+
+def test_the_records_relay_stands_beside_ours(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Trip at 0.980 s and breaker-failure trip at 1.140 s, by the records' README, on our time axis."""
+    assert call(["review", str(log)]) == 0
+    out = capsys.readouterr().out
+    assert "The record's own relay beside this one [ms]" in out
+    summary = summarize(faultloop.open_log(log))
+    rows = beside_rows(summary)
+    times = [float(row[0]) for row in rows if row[0]]
+    assert times == sorted(times)
+    zero_s = summary.inception.zero_ns / 1e9
+    theirs = [float(row[0]) / 1e3 + zero_s for row in rows if row[1] and row[0]]
+    for known_s in (0.980, 1.140):
+        assert min(abs(t - known_s) for t in theirs) < 0.002
+    assert sum(bool(row[1]) for row in rows) == 8
+
+
+def test_ours_stand_between_theirs(tmp_path: Path) -> None:
+    """A log whose times are known, and a record's channel that comes just after our start."""
+    summary = summarize(faultloop.open_log(write_log(tmp_path / "known.mcap")))
+    start = next(e for e in summary.relays["R1"].elements if e.name == "PDIS1.Str")
+    channels = [DigitalFacts("trip", [(start.first_ms + 1.0, None)]), DigitalFacts("start", [(-5.0, 3.0)])]
+    rows = beside_rows(dataclasses.replace(summary, digital=channels))
+    assert rows[0] == ("-5.00", "start", "3.00", "")
+    told = [row[1] or row[3] for row in rows]
+    assert told.index("PDIS1 Str") < told.index("trip") < len(told)
+    assert beside_rows(summary) == []

@@ -3,6 +3,7 @@
 class Page {
   constructor(data) {
     Object.assign(this, { data, channels: data.channels, loops: data.loops, kinds: data.kinds, window: data.window,
+      title: `time from ${data.from_inception ? "the fault's inception" : "the log's start"}, ms`,
       mode: "samples", secondary: false, a: null, b: null, range: [...data.window], pending: false });
     this.relays = data.relays.map((one) => new Relay(one, this));
     this.sections = this.relays.map((relay, k) => this.section(relay, k));
@@ -110,8 +111,9 @@ class Page {
     const angle = (z) => (magnitude(z) > 0 ? wrapped(degrees(z) - relay.reference_deg).toFixed(1) + "°" : "–");
     const rows = [cells("th", [this.secondary ? "V, A" : "kV, kA"], ["A", "a"], ["B", "b"], ["A − B"], ["RMS at A", "a"], ["angle", "a"])];
     const line = (name, unit, a, b, z) => {
-      const f = relay.factor(unit) / (this.secondary ? 1 : 1e3);
-      rows.push(cells("td", [name], [text(a * f)], [text(b * f)], [text((a - b) * f)], [text(magnitude(z) * f)], [Number.isFinite(z[0]) ? angle(z) : "–"]));
+      const f = relay.factor(unit) / (this.secondary ? 1 : 1e3), digits = unit === "V" ? 2 : 3;
+      const fixed = (value) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
+      rows.push(cells("td", [name], ...[a, b, a - b, magnitude(z)].map((value) => [fixed(value * f)]), [Number.isFinite(z[0]) ? angle(z) : "–"]));
     };
     this.channels.forEach((name, k) => line(name.toUpperCase(), k < 3 ? "V" : "I", at < 0 ? NaN : relay.samples[k][at], bt < 0 ? NaN : relay.samples[k][bt], relay.phasor(row, k)));
     for (const [from, unit] of [[0, "V"], [3, "I"]]) relay.sequence(row, from).forEach((z, k) => line(unit + k, unit, NaN, NaN, z));

@@ -1,6 +1,7 @@
 // Waves and digital lanes of one relay over one time axis (uPlot), with two cursors.
 "use strict";
 const NARROW = () => window.innerWidth < 600;
+const LANES = () => (NARROW() ? 3 : 2); // of labels of marks
 const AXIS = () => (NARROW() ? 62 : 96);
 const FONT = "12px system-ui, sans-serif";
 const PHASES = ["A", "B", "C"];
@@ -26,9 +27,10 @@ function seriesOf(relay, kind, mode) {
 // uPlot wants null where nothing is; NaN would be drawn as zero by some paths.
 const nullable = (values) => Array.from(values, (y) => (Number.isNaN(y) ? null : y));
 
-function axes(last, vertical) {
+function axes(last, vertical, title = "") {
   const grid = { stroke: () => css("--grid"), width: 1 }, stroke = () => css("--soft");
   const x = { stroke, grid, ticks: grid, font: FONT, size: last ? 28 : 0,
+    ...(last ? { label: title, labelSize: 18, labelFont: FONT, labelGap: 0 } : {}),
     values: last ? (u, ticks) => ticks.map((v) => String(+v.toFixed(6))) : () => [] };
   return [x, { stroke, grid, ticks: grid, font: FONT, size: AXIS(), ...vertical }];
 }
@@ -52,13 +54,13 @@ function drawMarks(u, relay, labelled) {
     g.strokeStyle = css("--ink"); g.lineWidth = ratio; g.setLineDash(name === "fault" ? [] : [4 * ratio, 3 * ratio]);
     g.beginPath(); g.moveTo(x, bbox.top); g.lineTo(x, bbox.top + bbox.height); g.stroke(); g.setLineDash([]);
     if (!labelled) continue;
-    const words = name === "fault" && ms === 0 ? "fault" : `${name} ${ms.toFixed(2)} ms`, wide = g.measureText(words).width;
+    const at = NARROW() ? ms.toFixed(1) : `${ms.toFixed(2)} ms`, words = name === "fault" && ms === 0 ? "fault" : `${name} ${at}`, wide = g.measureText(words).width;
     let left = x + 3 * ratio;
     if (left + wide > bbox.left + bbox.width) left = x - wide - 3 * ratio;
     let lane = ends.findIndex((stop) => stop + 6 * ratio < left);
     if (lane < 0) lane = ends.length;
     ends[lane] = left + wide;
-    if (lane > 2) continue;
+    if (lane >= LANES()) continue;
     g.fillStyle = css("--ink"); g.fillText(words, left, bbox.top - (8 + 13 * lane) * ratio);
   }
   g.restore();
@@ -113,8 +115,8 @@ class Waves {
     this.root.append(caption);
     const marks = kind === "V";
     const last = kind === "I" && !this.relay.lanes.length;
-    const u = new uPlot({ ...this.common((NARROW() ? 140 : 180) + (marks ? 30 : 0) + (last ? 28 : 0)), padding: [marks ? 44 : 8, 12, 6, 0],
-      axes: axes(last, {}),
+    const u = new uPlot({ ...this.common((NARROW() ? 140 : 180) + (marks ? 20 : 0) + (last ? 46 : 0)), padding: [marks ? 4 + 13 * LANES() : 8, 12, 6, 0],
+      axes: axes(last, {}, this.page.title),
       series: [{}, ...shown.map((s, k) => ({ label: s.name, stroke: () => css(s.colour), width: 1.3, show: !this.hidden[kind].has(k), spanGaps: this.page.mode !== "samples" && this.relay.step > 1, points: { show: false } }))],
       hooks: { drawClear: [(v) => drawMarks(v, this.relay, marks)] } },
       [this.relay.t, ...shown.map((s) => nullable(s.values))], this.root);
@@ -140,8 +142,8 @@ class Waves {
     caption.innerHTML = kinds.map((kind) => `<span><span class="swatch box" style="background:var(--k-${kind})"></span>${this.page.kinds[kind]}</span>`).join("");
     this.root.append(caption);
     const n = this.relay.lanes.length;
-    return new uPlot({ ...this.common(18 * n + 42), padding: [4, 12, 6, 0], scales: { x: { time: false }, y: { range: [0, n] } },
-      axes: axes(true, { values: () => [], grid: { show: false }, ticks: { show: false } }), series: [{}, { show: false }],
+    return new uPlot({ ...this.common(18 * n + 60), padding: [4, 12, 6, 0], scales: { x: { time: false }, y: { range: [0, n] } },
+      axes: axes(true, { values: () => [], grid: { show: false }, ticks: { show: false } }, this.page.title), series: [{}, { show: false }],
       hooks: { drawClear: [(v) => drawMarks(v, this.relay, false)], draw: [(v) => drawLanes(v, this.relay)] } },
       [this.relay.t, new Array(this.relay.t.length).fill(null)], this.root);
   }
