@@ -31,6 +31,8 @@ from numba.core import event, types
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
+from faultloop import linking
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -51,7 +53,7 @@ CALLS = {
 def source_digest(area: str) -> str:
     """Hex digest of the sources whose kernels those of ``faultloop/<area>`` may call, and of this file; all
     of them, as kernels have in them the constants of modules that have no kernel."""
-    digest = hashlib.sha256(Path(__file__).read_bytes())
+    digest = hashlib.sha256(Path(__file__).read_bytes() + Path(linking.__file__).read_bytes())
     covered = [PACKAGE / name for name in CALLS.get(area, ("",))]
     for path in sorted(path for folder in covered for path in folder.rglob("*.py")):
         digest.update(path.relative_to(PACKAGE).as_posix().encode())
@@ -295,7 +297,7 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     kept, signature = options.pop("cache"), options.pop("signature_or_function", None)
 
     def decorate(function: Callable[..., Any]) -> Any:
-        kernel = numba.njit(**options)(function)
+        kernel = linking.kernel(function, options)
         if kept:
             _keep(kernel, function)
         if signature is not None:
@@ -304,12 +306,6 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
         return kernel
 
     return decorate if function is None else decorate(function)
-
-
-def inner(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """`njit` for what only kernels call: it has no entry from Python and no place in the cache, as its code
-    is in its callers'.  To make both takes longer than the kernel itself where that has a hundred arrays."""
-    return njit(function, **{"cache": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True} | options)
 
 
 def is_kept(kernel: Any) -> bool:

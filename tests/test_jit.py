@@ -68,6 +68,45 @@ def test_the_same_source_elsewhere_is_not_compiled_again(tmp_path: Path) -> None
     assert told(other, FAULTLOOP_CACHE=str(cache)) == [line]
 
 
+def test_what_has_changed_is_compiled_again(tmp_path: Path) -> None:
+    """A callee in another file, a constant in one without kernels; and nothing else of the package."""
+    package, cache = tmp_path / "faultloop", str(tmp_path / "cache")
+    files = {
+        "__init__.py": "",
+        "jit.py": (Path(faultloop.__file__).parent / "jit.py").read_text(encoding="utf-8"),
+        "linking.py": (Path(faultloop.__file__).parent / "linking.py").read_text(encoding="utf-8"),
+        "relay/__init__.py": "",
+        "relay/constants.py": "FACTOR = 2",
+        "relay/callee.py": "from faultloop.jit import njit\n@njit\ndef more(x):\n    return x + 1\n",
+        "relay/own.py": "from faultloop.jit import njit\nfrom faultloop.relay.callee import more\n"
+        "from faultloop.relay.constants import FACTOR\n@njit\ndef kernel(x):\n    return FACTOR * more(x)\n",
+        "plant/other.py": "A = 1",
+    }
+    for name, text in files.items():
+        (package / name).parent.mkdir(parents=True, exist_ok=True)
+        (package / name).write_text(text, encoding="utf-8")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from faultloop import jit\njit.on_first_compilation(lambda: print('compiles'))\n"
+        "from faultloop.relay.own import kernel\nprint(kernel(20))\n",
+        encoding="utf-8",
+    )
+
+    def said() -> list[str]:
+        env = os.environ | {"FAULTLOOP_CACHE": cache, "PYTHONPATH": str(tmp_path)}
+        done = subprocess.run([sys.executable, script], env=env, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    assert said() == ["compiles", "42"]
+    (package / "plant" / "other.py").write_text("A = 2", encoding="utf-8")
+    assert said() == ["42"]
+    (package / "relay" / "constants.py").write_text("FACTOR = 3", encoding="utf-8")
+    assert said() == ["compiles", "63"]
+    callee = package / "relay" / "callee.py"
+    callee.write_text(callee.read_text(encoding="utf-8").replace("x + 1", "x + 2"), encoding="utf-8")
+    assert said() == ["compiles", "66"]
+
+
 def test_of_several_processes_one_compiles(tmp_path: Path) -> None:
     cache = str(tmp_path / "cache")
     with ThreadPoolExecutor(4) as pool:

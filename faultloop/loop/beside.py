@@ -44,6 +44,9 @@ _begun: list[int] = []
 
 def compile_beside() -> None:
     """Have another process compile too: once, where there is a first compilation, a cache and a core."""
+    for process in _begun:  # ended since: no entry in the table of processes is left of it
+        with suppress(ChildProcessError):
+            os.waitpid(process, os.WNOHANG)
     wanted = not is_kept(drive.follow) and cache_root() is not None
     if _begun or not wanted or not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
         return

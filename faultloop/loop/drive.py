@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from faultloop.io.can.port import CLOSE
 from faultloop.io.can.record import Records
-from faultloop.jit import Address, call_step, inner, njit
+from faultloop.jit import Address, call_step, njit
 from faultloop.loop.exchange import (
     ACTED,
     DONE,
@@ -145,7 +145,7 @@ def follow(course: Course, x: Exchange, plant: Any, bank: Any, kernels: Kernels)
             return FLUSH
 
 
-@inner
+@njit
 def act(course: Course, x: Exchange, switches: Any, bank: Any) -> bool:
     """Does what the states want that were taken since: a relay's inputs, a breaker's command.  False where
     the plant has no room for one."""
@@ -185,7 +185,7 @@ def act(course: Course, x: Exchange, switches: Any, bank: Any) -> bool:
     return True
 
 
-@inner
+@njit
 def show(course: Course, x: Exchange, bank: Any) -> None:
     """What the relays measure now, for their nodes to show."""
     for i in range(bank.relay.shape[0]):
@@ -197,13 +197,13 @@ def show(course: Course, x: Exchange, bank: Any) -> None:
             x.nodes.measured[i, 14] = bank.state[i].rflo[0].value
 
 
-@inner
+@njit
 def full(bank: Any) -> bool:
     """Whether there may be no room for what the relays tell at the next sample."""
     return bank.notices[0] + bank.relay.shape[0] > bank.notice.shape[0]
 
 
-@inner
+@njit
 def make(course: Course, plant: Any, wanted: int, kernels: Kernels) -> None:
     """The plant's next samples."""
     c, control = course.clock[0], plant.switches.control[0]
@@ -216,7 +216,7 @@ def make(course: Course, plant: Any, wanted: int, kernels: Kernels) -> None:
     )
 
 
-@inner
+@njit
 def estimate(course: Course, bank: Any, kernels: Kernels) -> bool:
     """Every relay's estimates of what the plant has made; False where one is Python's."""
     c = course.clock[0]
@@ -237,7 +237,7 @@ def estimate(course: Course, bank: Any, kernels: Kernels) -> bool:
     return True
 
 
-@inner
+@njit
 def take_changes(course: Course, x: Exchange, switches: Any, t_ns: int) -> bool:
     """Poles and faults that have changed up to the sample at ``t_ns``; True where a node has to say so.
 
@@ -257,7 +257,7 @@ def take_changes(course: Course, x: Exchange, switches: Any, t_ns: int) -> bool:
     return said
 
 
-@inner
+@njit
 def samples_of(course: Course, bank: Any, i: int, row: int) -> NDArray[np.float64]:
     """What a relay measures in a row, (1, 6) or (1, WIDE)."""
     r, wide = bank.relay[i], bank.wide[i]
@@ -273,7 +273,7 @@ def samples_of(course: Course, bank: Any, i: int, row: int) -> NDArray[np.float6
     return bank.wide[i : i + 1]
 
 
-@inner
+@njit
 def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) -> bool:
     """One relay's decision on the next sample; True where its outputs changed or it has something to tell."""
     c, r, q = course.clock[0], bank.relay[i], bank.state[i].shared

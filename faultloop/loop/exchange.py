@@ -25,7 +25,7 @@ from faultloop.io.can.arbitration import (
 from faultloop.io.can.codes import FINE
 from faultloop.io.can.port import HEARTBEAT, NOBODY, encode
 from faultloop.io.can.record import FRAME, MESSAGE, Record, Records
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.nodes.channel import Channels, arrival_ns, arrived, channel_of, cut_off, enter
 from faultloop.nodes.node import MOST, TAKEN, Nodes, next_ns, poll, receive
 
@@ -203,7 +203,7 @@ def hear(x: Exchange, frame: Record, sealed: bool) -> bool:
     return acted
 
 
-@inner
+@njit
 def _take(x: Exchange, i: int, frame: Record, objection: int, t_ns: int) -> bool:
     """A node takes a plain frame; True where it acts on it."""
     m, seat = x.scratch[1][0], x.seats[i]
@@ -216,7 +216,7 @@ def _take(x: Exchange, i: int, frame: Record, objection: int, t_ns: int) -> bool
     return False
 
 
-@inner
+@njit
 def _leaves(x: Exchange, i: int, frame: Record, sealed: bool) -> bool:
     """Whether a frame is for a node at the other end of a channel, and then it is in that, or is none that
     can reach it."""
@@ -230,7 +230,7 @@ def _leaves(x: Exchange, i: int, frame: Record, sealed: bool) -> bool:
     return True
 
 
-@inner
+@njit
 def _arrive(x: Exchange) -> bool:
     """What has come through the channels; True where somebody acts on it."""
     acted = False
@@ -246,7 +246,7 @@ def _arrive(x: Exchange) -> bool:
     return acted
 
 
-@inner
+@njit
 def due_ns(x: Exchange) -> int:
     """When something happens next, if nothing else does before."""
     t_ns = min(x.control[0].python_ns, next_event_ns(x.bus))
@@ -258,7 +258,7 @@ def due_ns(x: Exchange) -> int:
     return t_ns
 
 
-@inner
+@njit
 def _poll(x: Exchange) -> bool:
     """What the nodes have to say now, into ``offers``; True where one of them misses another."""
     c = x.control[0]
@@ -278,7 +278,7 @@ def _poll(x: Exchange) -> bool:
     return silent
 
 
-@inner
+@njit
 def _send(x: Exchange) -> None:
     """Offer it to the bus."""
     c, frame = x.control[0], x.scratch[0][0]
@@ -291,7 +291,7 @@ def _send(x: Exchange) -> None:
     c.offered = 0
 
 
-@inner
+@njit
 def _tell_controllers(x: Exchange) -> None:
     w = x.bus.wire[0]
     for k in range(w.changes):
@@ -300,7 +300,7 @@ def _tell_controllers(x: Exchange) -> None:
     w.changes = 0
 
 
-@inner
+@njit
 def tell(x: Exchange, t_ns: int, what: int, node: int, identifier: int, value: int) -> None:
     """Into the ring."""
     c = x.control[0]
@@ -314,7 +314,7 @@ def tell(x: Exchange, t_ns: int, what: int, node: int, identifier: int, value: i
     c.events += 1
 
 
-@inner
+@njit
 def _has_room(x: Exchange) -> bool:
     """For what all that is received now, and all that is sent, may tell."""
     c, w, n = x.control[0], x.bus.wire[0], x.seats.shape[0]

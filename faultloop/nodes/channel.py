@@ -17,7 +17,7 @@ from faultloop.config.channel import Channel
 from faultloop.io.can.frames import Frame
 from faultloop.io.can.port import DIFFERENTIAL, NOBODY, PILOT, TRANSFER
 from faultloop.io.can.record import FRAME, Record, Records, put, taken
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.nodes.clock import FOREVER
 
 PATHS = 5
@@ -66,7 +66,7 @@ class Channels(NamedTuple):
     """(n, ROOM) FRAME"""
 
 
-@inner
+@njit
 def _chance(c: Record, draw: int) -> float:
     """Uniform in [0, 1) for the frame that comes (splitmix64; Steele, Lea, Flood 2014)."""
     z = c.seed + (np.uint64(2) * c.count + np.uint64(draw)) * np.uint64(0x9E3779B97F4A7C15)
@@ -135,7 +135,7 @@ def enter(x: Channels, k: int, frame: Record, objection: int, t_ns: int) -> None
     c.waiting += 1
 
 
-@inner
+@njit
 def _recall(x: Channels, k: int, poles: int) -> None:
     """A signal that is there again before its end has arrived has never ended."""
     c = x.channel[k]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.plant.elements import Floats
 from faultloop.plant.elements.switch import switch_currents
 from faultloop.plant.frontend import FrontEnds
@@ -63,7 +63,7 @@ def advance(
     return done
 
 
-@inner
+@njit
 def open_at_zero(state: State, watch: Watch, switches: Switches) -> None:
     """Takes the trial step back to its first current zero, and opens the poles that have it there."""
     first = 2.0

@@ -20,7 +20,7 @@ from pydantic import Field, model_validator
 
 from faultloop.config.tables import ComplexOhm, NonNegative, Number, Positive
 from faultloop.errors import InputError
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.plant.component import Component
 from faultloop.plant.elements import Complex, Floats, Ints
 
@@ -155,7 +155,7 @@ def settle_ct(cts: Cts, state: Floats, x: Complex, angle: float) -> None:
         x[relay, 3:] = secondary * cts.turns[k]
 
 
-@inner
+@njit
 def ct_step(cts: Cts, state: Floats, x: Floats) -> None:
     """One step of every CT: the currents of its relay's row in ``x`` (relays, 6), primary, in place."""
     for k in range(cts.relay.shape[0]):

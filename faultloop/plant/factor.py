@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 
 
 class Structure(NamedTuple):
@@ -103,14 +103,14 @@ def factorize(structure: Structure, diagonal: NDArray[np.float64], lower: NDArra
                 subtract(lower[at], product)
 
 
-@inner
+@njit
 def subtract(a: NDArray[np.float64], b: NDArray[np.float64]) -> None:
     """a -= b, 3x3."""
     for c in range(9):
         a[c] -= b[c]
 
 
-@inner
+@njit
 def multiply(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """out = a b, 3x3."""
     for r in range(3):
@@ -118,7 +118,7 @@ def multiply(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.flo
             out[3 * r + c] = a[3 * r] * b[c] + a[3 * r + 1] * b[3 + c] + a[3 * r + 2] * b[6 + c]
 
 
-@inner
+@njit
 def multiply_transposed(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """out = a b^T, 3x3."""
     for r in range(3):

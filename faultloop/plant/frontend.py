@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from faultloop.config.place import FrontEnd
 from faultloop.errors import InputError
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.plant.component import Component, PlantTables
 from faultloop.plant.ct import FLUX, Ct, Cts, ct_constants, ct_step, settle_ct
 from faultloop.plant.vt import MODES, Vt, Vts, settle_vt, vt_constants, vt_step
@@ -190,7 +190,7 @@ def magnetize(front: FrontEnds, state: Analog, tables: PlantTables) -> None:
         state.ct[k, :, FLUX] += ct.remanence_pu * ct.flux_at_vs(hz)
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def measure(
     front: FrontEnds, v: NDArray[np.float64], current: NDArray[np.float64], x: NDArray[np.float64]
 ) -> None:
@@ -204,7 +204,7 @@ def measure(
             x[i, 3 + p] = total
 
 
-@inner
+@njit
 def transform(front: FrontEnds, state: Analog, x: NDArray[np.float64]) -> None:
     """One step of everything that remembers, in place."""
     ct_step(front.ct, state.ct, x)
@@ -212,7 +212,7 @@ def transform(front: FrontEnds, state: Analog, x: NDArray[np.float64]) -> None:
     lowpass(front, state.lowpass, x)
 
 
-@inner
+@njit
 def lowpass(front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.float64]) -> None:
     """One step of every filter, in place (transposed direct form II)."""
     for i in range(x.shape[0]):
@@ -226,7 +226,7 @@ def lowpass(front: FrontEnds, z: NDArray[np.float64], x: NDArray[np.float64]) ->
                 x[i, c] = out
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def convert(front: FrontEnds, number: int, x: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """Sample ``number`` of every relay: noise, quantization, clipping."""
     for i in range(x.shape[0]):

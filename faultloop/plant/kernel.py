@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.jit import inner
+from faultloop.jit import njit
 from faultloop.plant.elements import Floats, Ints
 from faultloop.plant.elements.bergeron import (
     wave_currents,
@@ -62,7 +62,7 @@ class Watch(NamedTuple):
     (from the trial), 0.0 where it is its start"""
 
 
-@inner
+@njit
 def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEnds, samples: Floats) -> bool:
     """Steps to the clock's ``STOP``, with each sample due put in ``samples`` (rows, relays, 6).  True where
     an armed pole's current crossed zero: then the last step is on trial, and has not been delivered."""
@@ -72,7 +72,7 @@ def run(net: Network, factor: Factor, state: State, watch: Watch, front: FrontEn
     return steps(net, factor, state, watch, front, samples, False)
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def steps(
     net: Network,
     factor: Factor,
@@ -134,7 +134,7 @@ def steps(
     return False
 
 
-@inner
+@njit
 def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     """One step in which switches act, ``factor`` being the matrix after it, at ``watch.instant`` (0 .. 1) of
     the step; the state is the one at that instant, and is kept.  True where an armed pole's current has a
@@ -182,7 +182,7 @@ def commutate(net: Network, factor: Factor, state: State, watch: Watch) -> bool:
     return crossings(watch.armed, state.old_switch_current, state.switch_current, watch.zero)
 
 
-@inner
+@njit
 def go_back(state: State, watch: Watch, share: float) -> None:
     """From the end of a step on trial into it, to a share (0 .. 1) of the way from the state kept, by linear
     interpolation: good for currents of inductances and voltages of capacitances, all that Euler steps look
@@ -194,7 +194,7 @@ def go_back(state: State, watch: Watch, share: float) -> None:
     between(state.old_current, state.current, share)
 
 
-@inner
+@njit
 def copy(a: Floats, b: Floats) -> None:
     """b = a, by rows of three: a slice assignment takes a second to compile."""
     for i in range(a.shape[0]):
@@ -202,7 +202,7 @@ def copy(a: Floats, b: Floats) -> None:
             b[i, p] = a[i, p]
 
 
-@inner
+@njit
 def between(a: Floats, b: Floats, share: float) -> None:
     """b becomes the point on the line from a (0) to b (1)."""
     for i in range(a.shape[0]):
@@ -210,7 +210,7 @@ def between(a: Floats, b: Floats, share: float) -> None:
             b[i, p] = a[i, p] + share * (b[i, p] - a[i, p])
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def arrive(
     net: Network, factor: Factor, state: State, watch: Watch, front: FrontEnds, samples: Floats
 ) -> None:

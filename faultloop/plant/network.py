@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.plant.circuit import Circuit
 from faultloop.plant.elements import GROUND, Floats, Ints, circulant
 from faultloop.plant.elements.bergeron import Waves, wave_constants
@@ -72,7 +72,7 @@ def refactor(net: Network, matrix: Matrix, masks: Ints, factor: Factor) -> None:
         respond(net.structure, factor, net.varistor.bus)
 
 
-@inner
+@njit
 def copy_blocks(a: Floats, b: Floats) -> None:
     """b = a, (n, 9): a slice assignment takes a second to compile."""
     for i in range(a.shape[0]):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.jit import inner
+from faultloop.jit import njit
 from faultloop.plant.elements import Ints
 from faultloop.plant.elements.switch import Action
 from faultloop.plant.factor import Factor
@@ -110,14 +110,14 @@ def new_switches(
     )
 
 
-@inner
+@njit
 def present(switches: Switches) -> Factor:
     """The factor of the present state."""
     f, k = switches.factor, switches.control[0].state
     return Factor(f.inverse[k], f.lower[k], f.switch[k], f.response[k])
 
 
-@inner
+@njit
 def choose(net: Network, switches: Switches) -> None:
     """Have the factor of the present state ready: one that was made before, or a new one."""
     c, masks, known = switches.control[0], switches.masks, switches.known
@@ -134,7 +134,7 @@ def choose(net: Network, switches: Switches) -> None:
     refactor(net, switches.matrix, masks, present(switches))
 
 
-@inner
+@njit
 def same(a: Ints, b: Ints) -> bool:
     """Whether all of ``a`` are also in ``b``, at the same places."""
     for s in range(a.shape[0]):  # noqa: SIM110 - a kernel knows no `all`
@@ -143,7 +143,7 @@ def same(a: Ints, b: Ints) -> bool:
     return True
 
 
-@inner
+@njit
 def next_step(switches: Switches) -> int:
     """When the next action is due."""
     step = FAR
@@ -152,7 +152,7 @@ def next_step(switches: Switches) -> int:
     return step
 
 
-@inner
+@njit
 def take_orders(switches: Switches, now: int) -> None:
     """What breakers have been ordered to do becomes actions, not before step ``now``."""
     c = switches.control[0]
@@ -168,7 +168,7 @@ def take_orders(switches: Switches, now: int) -> None:
     c.orders = 0
 
 
-@inner
+@njit
 def foreseen(switches: Switches, wanted: int, per_sample: int) -> int:
     """How many samples can be made before a command that is not known yet can matter: it acts after its
     breaker's delay, and may take back what that breaker is about to do."""
@@ -183,7 +183,7 @@ def foreseen(switches: Switches, wanted: int, per_sample: int) -> int:
     return max(n, 1)
 
 
-@inner
+@njit
 def begin(switches: Switches, armed: NDArray[np.bool_], step: int) -> bool:
     """Does what is due at ``step``; True where poles begin to conduct (those that part wait, ``armed``, for
     their current zero)."""
@@ -208,7 +208,7 @@ def begin(switches: Switches, armed: NDArray[np.bool_], step: int) -> bool:
     return not same(switches.before, masks)
 
 
-@inner
+@njit
 def note_changes(switches: Switches, step: int, instant: float) -> None:
     """The poles conduct otherwise than ``before``, from ``instant`` (0 .. 1) of a step on."""
     c = switches.control[0]

@@ -36,13 +36,16 @@ def test_it_is_begun_once_and_only_where_nothing_is_compiled(
     cold: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[Any] = []
+    waited: list[int] = []
     monkeypatch.setattr(beside, "_begun", [])
     monkeypatch.setattr(beside, "is_kept", lambda kernel: not cold)
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1})
-    monkeypatch.setattr(os, "posix_spawn", lambda *args, **more: begun.append(args) or 1)
+    monkeypatch.setattr(os, "posix_spawn", lambda *args, **more: begun.append(args) or 4711)
+    monkeypatch.setattr(os, "waitpid", lambda process, options: waited.append(process))
     beside.compile_beside()
     beside.compile_beside()
     assert len(begun) == cold
+    assert waited == [4711] * cold  # at the second: it leaves nothing behind
 
 
 def test_without_a_second_core_nothing_is_begun(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from faultloop.jit import inner
+from faultloop.jit import njit
 from faultloop.plant.elements import HALF_ROOT_3, Complex, Floats, Ints, Pair
 from faultloop.plant.elements.line_constants import LineConstants
 
@@ -137,7 +137,7 @@ def bergeron_sections(constants: LineConstants, length_km: float, dt: float) -> 
     return 0
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def wave_histories(net: Waves, ring: Floats, arriving: Floats, step: int) -> None:
     """What arrives at both ends of every wave at a step, into ``arriving`` (waves, 6) [A], modal.
 
@@ -168,7 +168,7 @@ def wave_histories(net: Waves, ring: Floats, arriving: Floats, step: int) -> Non
         h[5] = -far * zero_start - near * zero_end
 
 
-@inner
+@njit
 def wave_histories_at(net: Waves, ring: Floats, arriving: Floats, now: float, newest: int) -> None:
     """The same at a time ``now`` [steps] off the grid: by a cubic through the four nearest steps that are
     known, the last of them ``newest``."""
@@ -195,7 +195,7 @@ def wave_histories_at(net: Waves, ring: Floats, arriving: Floats, now: float, ne
             arriving[w, c] = -net.mode[w, mode, 2] * u[other] - net.mode[w, mode, 3] * u[c]
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def wave_inject(net: Waves, arriving: Floats, v: Floats) -> None:
     """What arrives at the ends, as currents out of their buses, into the buses' rows of v."""
     for w in range(net.bus.shape[0]):
@@ -208,7 +208,7 @@ def wave_inject(net: Waves, arriving: Floats, v: Floats) -> None:
             v[k, 2] -= zero - 0.5 * alpha - HALF_ROOT_3 * beta
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def wave_currents(net: Waves, arriving: Floats, v: Floats, current: Floats) -> None:
     """Phase currents into both ends of every wave (2 waves, 3)."""
     for w in range(net.bus.shape[0]):
@@ -224,7 +224,7 @@ def wave_currents(net: Waves, arriving: Floats, v: Floats, current: Floats) -> N
             i[2] = zero - 0.5 * alpha - HALF_ROOT_3 * beta
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def wave_push(net: Waves, ring: Floats, v: Floats, current: Floats, step: int) -> None:
     """``u = y v + H i`` of a step into the rings (as a sum of phase values: the transformation is linear)."""
     for w in range(net.bus.shape[0]):

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from faultloop.jit import inner
+from faultloop.jit import njit
 from faultloop.plant.elements import Floats, Ints
 
 
@@ -56,7 +56,7 @@ def branch_constants(
     )
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def branch_inject(net: Branches, history: Floats, v: Floats, sources: int) -> None:
     """The currents that all histories put into the buses, into the buses' rows of v, from nothing."""
     bus = net.bus
@@ -77,7 +77,7 @@ def branch_inject(net: Branches, history: Floats, v: Floats, sources: int) -> No
         v[ground, p] = 0.0
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def branch_step(net: Branches, history: Floats, v: Floats, current: Floats) -> None:
     """Currents, and the trapezoidal histories for the next step."""
     for b in range(net.bus.shape[0]):
@@ -96,7 +96,7 @@ def branch_step(net: Branches, history: Floats, v: Floats, current: Floats) -> N
         current[b, 0], current[b, 1], current[b, 2] = i0, i1, i2
 
 
-@inner
+@njit
 def branch_histories(bus: Ints, coefficient: Floats, history: Floats, v: Floats, current: Floats) -> None:
     """Histories ``P v + K i`` of the present voltages and currents; ``coefficient`` (branches, 6)."""
     for b in range(bus.shape[0]):
@@ -108,7 +108,7 @@ def branch_histories(bus: Ints, coefficient: Floats, history: Floats, v: Floats,
             history[b, p] = own + common
 
 
-@inner
+@njit
 def branch_currents(net: Branches, history: Floats, v: Floats, current: Floats) -> None:
     """``G v + h``."""
     for b in range(net.bus.shape[0]):

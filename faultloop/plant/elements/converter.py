@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from faultloop.jit import inner
+from faultloop.jit import njit
 from faultloop.plant.elements import HALF_ROOT_3, Floats, Ints
 
 ZETA, LOOP_HZ, CURRENT_HZ, FEED_HZ, POWER_S = 0.7, 20.0, 300.0, 1000.0, 5e-3
@@ -122,7 +122,7 @@ def settle(net: Converters, k: int, e: complex, v: complex, i: complex, state: F
         past[k, step % length] = wave.real, wave.imag
 
 
-@inner
+@njit
 def set_voltages(net: Converters, state: Floats, v: Floats, late: float) -> None:
     """What the converters have set for the end of the present step into their rows of v; ``late`` is the time
     against that [steps]."""
@@ -135,13 +135,13 @@ def set_voltages(net: Converters, state: Floats, v: Floats, late: float) -> None
         v[row, 2] = -0.5 * e.real - HALF_ROOT_3 * e.imag
 
 
-@inner
+@njit
 def alpha_beta(x: Floats) -> complex:
     """Of three phases."""
     return complex((2 * x[0] - x[1] - x[2]) / 3, (x[1] - x[2]) / (2 * HALF_ROOT_3))
 
 
-@inner
+@njit
 def references(c: Floats, s: Floats, positive: float, negative: complex) -> tuple[float, float, complex]:
     """Active and lagging current, and the negative sequence's as alpha-beta; the active one is renewed."""
     lagging = min(c[K1] * max(SUPPORT_BELOW - positive, 0.0), c[LIMIT])
@@ -157,7 +157,7 @@ def references(c: Floats, s: Floats, positive: float, negative: complex) -> tupl
     return active, lagging, second * unit
 
 
-@inner
+@njit
 def control(net: Converters, state: Floats, past: Floats, v: Floats, current: Floats, step: int) -> None:
     """At the end of step number ``step``: what is set at the end of the next one."""
     length = past.shape[1]

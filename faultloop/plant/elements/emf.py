@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.plant.elements import HALF_ROOT_3, Floats, Ints
 from faultloop.plant.elements.series_rl import SeriesRL
 
@@ -60,7 +60,7 @@ def emf_constants(emfs: Sequence[Emf], rate: int) -> Emfs:
     )
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def renew_emf(emfs: Emfs, kept: Floats, v: Floats, step: int) -> None:
     """Voltages of a step into their rows of v; ``kept`` (sources, 3) is cos and sin at the first step of a
     block, and that block's number."""
@@ -79,7 +79,7 @@ def renew_emf(emfs: Emfs, kept: Floats, v: Floats, step: int) -> None:
         put_emf(emfs, v, s, c * e - d * f, d * e + c * f)
 
 
-@inner
+@njit
 def exact_emf(emfs: Emfs, v: Floats, time: float) -> None:
     """Voltages at any time [steps] into their rows of v."""
     for s in range(emfs.wave.shape[0]):
@@ -109,7 +109,7 @@ def swing_angle(emfs: Emfs, s: int, time: float) -> float:
     return emfs.swing[last, 1]
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def put_emf(emfs: Emfs, v: Floats, s: int, re: float, im: float) -> None:
     """Three balanced phases."""
     row = v.shape[0] - emfs.wave.shape[0] + s

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from faultloop.jit import inner
+from faultloop.jit import njit
 from faultloop.plant.elements import Floats, Ints
 from faultloop.plant.elements.bergeron import Waves, WaveSection
 from faultloop.plant.elements.branch import Branch, Branches
@@ -109,14 +109,14 @@ def coupling_constants(
     )
 
 
-@inner(forceinline=True)
+@njit(forceinline=True)
 def zero_across(bus: Ints, v: Floats) -> float:
     """Sum of the phase voltages across a branch [V]."""
     u, w = v[bus[0]], v[bus[1]]
     return u[0] - w[0] + u[1] - w[1] + u[2] - w[2]
 
 
-@inner
+@njit
 def coupled_currents(net: Couplings, branch: Branches, v: Floats, current: Floats) -> None:
     """What the voltage across one branch of a pair drives through the other."""
     for m in range(net.branch.shape[0]):
@@ -127,7 +127,7 @@ def coupled_currents(net: Couplings, branch: Branches, v: Floats, current: Float
                 current[b, p] += driven
 
 
-@inner
+@njit
 def coupled_histories(
     net: Couplings, coefficient: Floats, branch: Branches, history: Floats, v: Floats, current: Floats
 ) -> None:
@@ -142,7 +142,7 @@ def coupled_histories(
                 history[b, p] += remembered
 
 
-@inner
+@njit
 def coupled_step(net: Couplings, branch: Branches, history: Floats, v: Floats, current: Floats) -> None:
     """After `branch_step`, which knew nothing of the other branch: currents and next histories."""
     for m in range(net.branch.shape[0]):
@@ -156,7 +156,7 @@ def coupled_step(net: Couplings, branch: Branches, history: Floats, v: Floats, c
     coupled_histories(net, net.trapezoid, branch, history, v, current)
 
 
-@inner
+@njit
 def coupled_arrivals(net: Couplings, arriving: Floats) -> None:
     """What arrives in the sum's and the difference's zero mode, as what arrives in each circuit's."""
     for m in range(net.wave.shape[0]):
@@ -167,7 +167,7 @@ def coupled_arrivals(net: Couplings, arriving: Floats) -> None:
             arriving[other, 4 + (end ^ opposite)] = ROOT_HALF * (total - difference)
 
 
-@inner
+@njit
 def coupled_wave_currents(net: Couplings, waves: Waves, v: Floats, current: Floats) -> None:
     """After `wave_currents`, which took each mode's y for its circuit's own."""
     for m in range(net.wave.shape[0]):
@@ -182,7 +182,7 @@ def coupled_wave_currents(net: Couplings, waves: Waves, v: Floats, current: Floa
                 current[2 * other + far, p] += q * (a + b)
 
 
-@inner
+@njit
 def coupled_push(net: Couplings, waves: Waves, ring: Floats, v: Floats, current: Floats, step: int) -> None:
     """After `wave_push`: ``u = y v + H i`` of the sum's and the difference's zero mode into the rings."""
     for m in range(net.wave.shape[0]):

@@ -11,7 +11,7 @@ from typing import ClassVar, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.plant.elements import GROUND, Floats, Ints
 
 CONTACT_OHM = 1e-4
@@ -114,7 +114,7 @@ def switch_currents(bus: Ints, conductance: Floats, v: Floats, current: Floats) 
             current[s, p] = y[3 * p] * d0 + y[3 * p + 1] * d1 + y[3 * p + 2] * d2
 
 
-@inner
+@njit
 def waiting(armed: NDArray[np.bool_]) -> bool:
     """Whether any pole waits for its current zero; ``armed`` (switches, 3)."""
     for s in range(armed.shape[0]):
@@ -124,7 +124,7 @@ def waiting(armed: NDArray[np.bool_]) -> bool:
     return False
 
 
-@inner
+@njit
 def crossings(armed: NDArray[np.bool_], old: Floats, current: Floats, zero: Floats) -> bool:
     """Looks for a zero of each armed pole's current between the one kept and the present one (switches, 3);
     ``zero`` becomes where (0 .. 1; -1: nowhere)."""

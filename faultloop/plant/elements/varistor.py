@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from faultloop.jit import inner, njit
+from faultloop.jit import njit
 from faultloop.plant.elements import Floats, Ints
 from faultloop.plant.factor import Factor, Structure, solve
 
@@ -56,7 +56,7 @@ def varistor_constants(varistors: Sequence[Varistor], row: Mapping[str, int]) ->
     )
 
 
-@inner
+@njit
 def respond(structure: Structure, factor: Factor, bus: Ints) -> None:
     """Fills ``factor.response``: the voltages [V] that one ampere into a varistor's start and out of its end
     makes everywhere, (varistors, 3, buses, 3), in each phase."""
@@ -88,7 +88,7 @@ def across(u: float, impedance: float, curve: Floats) -> float:
     return math.copysign(x * level, u)
 
 
-@inner
+@njit
 def conduct(net: Varistors, factor: Factor, v: Floats, state: Floats) -> None:
     """Lets the varistors conduct: the voltages of the network without them become those with them.  ``state``
     (varistors, 2, 3) gets the voltages across them without them [V], and their currents [A].
@@ -113,7 +113,7 @@ def conduct(net: Varistors, factor: Factor, v: Floats, state: Floats) -> None:
         put_right(factor, v, state)
 
 
-@inner
+@njit
 def renew_current(net: Varistors, factor: Factor, state: Floats, m: int, p: int) -> float:
     """Of one varistor with the others as they are; by how much its voltage changes, of the level."""
     a, b = net.bus[m, 0], net.bus[m, 1]
@@ -128,7 +128,7 @@ def renew_current(net: Varistors, factor: Factor, state: Floats, m: int, p: int)
     return abs(new - old) * own / net.curve[m, 0]
 
 
-@inner
+@njit
 def put_right(factor: Factor, v: Floats, state: Floats) -> None:
     """Every voltage, by what the varistors' currents make of it."""
     for m in range(state.shape[0]):
