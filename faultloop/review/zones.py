@@ -83,7 +83,7 @@ def _frame(axes: Axes, settings: RelaySettings, outlined: bool) -> None:
         axes.plot([], [], color=MEANT, lw=1.1, ls=(0, (4, 3)), label="as the file draws it")
     axes.axhline(0, color="#B5B9BF", lw=0.9, zorder=1)
     axes.axvline(0, color="#B5B9BF", lw=0.9, zorder=1)
-    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel(f"R [Ω {settings.relay.ohms}]")
     axes.set_ylabel(f"X [Ω {settings.relay.ohms}]")
     axes.legend(loc="upper left", fontsize=8, frameon=False)
