@@ -35,6 +35,13 @@ STRAIGHT = 0.01
 OFF = 0.1
 """Of voltage and current together."""
 
+GROUND = 0.25
+"""Of I2: above it I0 is that of a fault to ground."""
+TURNS = (complex(1.0, 0.0), A, A2)
+"""Of the negative sequence, from phase A to each."""
+UNBALANCED, BALANCED = 1, 2
+"""Faults in a swing (``q.swing_fault``)."""
+
 TRACK = np.dtype(
     [
         ("centre", "c16", (6,)),  # the phasors that stay ...
@@ -158,6 +165,52 @@ def without_swing(q: Record, balanced: bool) -> None:
     for k in range(6):
         q.d[k] = q.x[k] - m.reference[k]
     sequences(q.d, q.change)
+
+
+@njit
+def resistance(g: Record, q: Record, loop: int) -> float:
+    """Size of the fault's resistance by a loop [ohm], with the negative- and zero-sequence part of its
+    current for the fault's; none of it is the swing's."""
+    i0, i2 = q.sequence[3], q.sequence[5]
+    if loop < 3:
+        k0 = (g.z0 - g.z1) / (3 * g.z1)
+        v, i = q.x[loop], q.x[3 + loop] + 3 * k0 * i0
+        fault = 1.5 * (TURNS[loop] * i2 + i0)
+    else:
+        first, second = loop - 3, (loop - 2) % 3
+        v, i = q.x[first] - q.x[second], q.x[3 + first] - q.x[3 + second]
+        fault = 2 * (TURNS[first] - TURNS[second]) * i2
+    axis = (g.z1 * i).conjugate()
+    size = abs((v * axis).imag / (fault * axis).imag)
+    return size if size == size else np.inf
+
+
+@njit
+def fault_type(g: Record, q: Record) -> int:
+    """1 .. 7 of a fault in a swing, without anything from before it.
+
+    The angle of I2 against I0 tells the phase of a fault to ground, or the two others'; of what is left the
+    loop counts in which no resistance is to be explained.  (The change of negative and zero sequence alone is
+    that of a pair as much as of the next one.)
+    """
+    if q.swing_fault == BALANCED:
+        return 7
+    i0, i2 = q.sequence[3], q.sequence[5]
+    loops = 0b111000
+    if size2(i0) > GROUND**2 * size2(i2):
+        phase, best = 0, -np.inf
+        for k in range(3):
+            along = (TURNS[k] * i2 * i0.conjugate()).real
+            if along > best:
+                phase, best = k, along
+        loops = 1 << phase | 8 << (phase + 1) % 3
+    found, least = 0, np.inf
+    for loop in range(6):
+        if (loops >> loop) & 1:
+            r = resistance(g, q, loop)
+            if r < least or found == 0:
+                found, least = loop + 1, r
+    return found
 
 
 @njit

@@ -26,6 +26,7 @@ from pydantic import Field
 
 from faultloop.config.tables import Positive, Table
 from faultloop.jit import njit
+from faultloop.relay import swing
 from faultloop.relay.currents import blocked_loops
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import A2, A, positive_sequence, size2, weight
@@ -164,7 +165,7 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     Of two faults on two sides (cross-country) the change tells neither: the type is that of the phases ahead,
     as a loop on the line still measures its own.
     """
-    candidate = classify(g, c, q.d, q.change)
+    candidate = swing.fault_type(g, q) if q.swing_fault else classify(g, c, q.d, q.change)
     settled = w.fault != 0 and q.memory.age >= 2 * g.cycle
     if settled and candidate != w.fault and classify_without_load(g, q, c) == w.fault:
         candidate = w.fault

@@ -65,6 +65,8 @@ STILL = 0.05
 _AWAY = {"none": 0, "behind": 1, "ahead": -1}
 """Where a fault is that only inverters feed through the relay's place."""
 SOURCE_MARGIN = 1.25
+OWN_VOLTAGE = 0.1
+"""Of the one before: above it the present voltage polarizes in a swing, in which the one before has moved."""
 
 
 class Rdir(Table):
@@ -138,6 +140,8 @@ def polarizing_voltage(g: Record, q: Record) -> complex:
     m = q.memory
     v1 = q.sequence[1]
     remembered = positive_sequence(m.reference)
+    if q.swing_fault and size2(v1) > OWN_VOLTAGE**2 * size2(remembered):
+        return v1
     if m.age <= g.memory:
         return remembered
     if m.age >= g.memory + g.fade:

@@ -343,7 +343,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
     elif fresh and is_swing(c, q, w):
         w.state = SWINGING
         w.pace = w.speed
-        w.stopped = w.off = 0
+        w.stopped, w.off = 0, g.cycle  # in another cycle the ring holds nothing but the swing
         w.recent = c.hold
         q.notices += 1
     elif w.state == FAULT and not q.disturbed:
@@ -362,6 +362,7 @@ def lead_fault(g: Record, q: Record, w: Record, fresh: bool) -> None:
             swing.drift(g, q, w.track)
         return
     q.energy.direction = 0
+    q.swing_fault = swing.BALANCED if w.unbalanced == 0 else swing.UNBALANCED
     swing.without_swing(q, q.fault == THREE_PHASE)
     q.memory.drift = np.inf
     q.memory.age = max(q.memory.age, g.cycle + 1)
@@ -372,6 +373,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample; blocks the zones and lets the memory go along while the swing is on."""
     if q.memory.seen <= g.settling:
         return
+    q.swing_fault = 0
     fresh = q.memory.tick == 0
     place(g, q, c, w)
     w.dwell = w.dwell + 1 if w.in_outer else 0
