@@ -25,7 +25,7 @@ import numpy as np
 
 from faultloop.jit import njit
 from faultloop.relay import energy
-from faultloop.relay.memory import A2, A, size2, third, weight
+from faultloop.relay.memory import A2, A, positive_sequence, size2, third, weight
 from faultloop.relay.quantities import sequences
 
 Record = Any
@@ -34,13 +34,15 @@ STRAIGHT = 0.01
 
 OFF = 0.1
 """Of voltage and current together."""
+VOLTAGE = 0.02
+"""Of the swing's."""
 
 GROUND = 0.25
 """Of I2: above it I0 is that of a fault to ground."""
 TURNS = (complex(1.0, 0.0), A, A2)
 """Of the negative sequence, from phase A to each."""
-UNBALANCED, BALANCED = 1, 2
-"""Faults in a swing (``q.swing_fault``)."""
+YOUNG, UNBALANCED, BALANCED = 1, 2, 3
+"""Faults in a swing (``q.swing_fault``): one whose change is still known, then one without."""
 
 TRACK = np.dtype(
     [
@@ -165,6 +167,13 @@ def without_swing(q: Record, balanced: bool) -> None:
     for k in range(6):
         q.d[k] = q.x[k] - m.reference[k]
     sequences(q.d, q.change)
+
+
+@njit
+def feed(q: Record) -> None:
+    """A fault that nobody saw begin has its current; without a voltage it may be the transformer's."""
+    if size2(q.sequence[1]) > VOLTAGE**2 * size2(positive_sequence(q.memory.reference)):
+        q.memory.fed = q.fed = 1
 
 
 @njit

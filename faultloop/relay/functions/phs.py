@@ -165,7 +165,7 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     Of two faults on two sides (cross-country) the change tells neither: the type is that of the phases ahead,
     as a loop on the line still measures its own.
     """
-    candidate = swing.fault_type(g, q) if q.swing_fault else classify(g, c, q.d, q.change)
+    candidate = swing.fault_type(g, q) if q.swing_fault > swing.YOUNG else classify(g, c, q.d, q.change)
     settled = w.fault != 0 and q.memory.age >= 2 * g.cycle
     if settled and candidate != w.fault and classify_without_load(g, q, c) == w.fault:
         candidate = w.fault

@@ -17,7 +17,7 @@ where
 - the impedance jumps into the outer box, or in it: it goes a way in a quarter of a cycle for which the
   swing would have needed much longer;
 - it stands still at the line's angle, suddenly, for three quarters of a cycle: a three-phase fault near the
-  swing's own centre does not jump (a swing that turns back comes to rest slowly, and not there);
+  swing's centre does not jump (a swing that turns back comes to rest slowly, and not there);
 - it has been in the outer box for ``release_s``.
 
 Before a swing is found, a balanced state that still moves fast starts no zone.
@@ -71,8 +71,7 @@ RUSHING = 0.12
 by then."""
 KEPT_CYCLES = 4
 STARTED, STARTED_WAY = 2, 0.2
-"""Times as long a motion takes a zone back that has started, if it goes so far on the sphere: what an
-estimator still drifts in a fault is less."""
+"""Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less."""
 MARGIN, LOAD_MARGIN = 1.1, 0.8
 OPERATED_CYCLES = 5
 
@@ -357,12 +356,16 @@ def lead_fault(g: Record, q: Record, w: Record, fresh: bool) -> None:
     grows old, so what follows is judged by what a swing has none of."""
     swing.follow(q.memory, w.track)
     q.memory.calm = q.memory.still = 0
-    if q.fault == 0 or 4 * w.age < 3 * g.cycle:
+    q.swing_fault = swing.YOUNG
+    quarters = 1 if w.cause == UNBALANCED else 3
+    if w.cause != STOPPED and (q.fault == 0 or 4 * w.age < quarters * g.cycle):
         if fresh:
             swing.drift(g, q, w.track)
         return
+    if w.cause == STOPPED:
+        swing.feed(q)
     q.energy.direction = 0
-    q.swing_fault = swing.BALANCED if w.unbalanced == 0 else swing.UNBALANCED
+    q.swing_fault = swing.UNBALANCED if w.cause == UNBALANCED or w.unbalanced else swing.BALANCED
     swing.without_swing(q, q.fault == THREE_PHASE)
     q.memory.drift = np.inf
     q.memory.age = max(q.memory.age, g.cycle + 1)
