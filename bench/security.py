@@ -1,12 +1,13 @@
 """Security and speed of zone 1 over random faults: wrong answers by kind, times to the start of the zone.
 
     python bench/security.py [--cases 2000] [--seed 1001] [--kind mixed|long|extreme] [--antialias 1500]
-                             [--estimator METHOD] [--vt ideal|unknown]
+                             [--estimator METHOD] [--vt ideal|unknown] [--functions]
 
 A case is a network X - A - B - C drawn by `security_cases.draw` and two relays, at both ends of A - B; each
 has a mho and a quadrilateral of 80 % of the line without delay, a reverse zone of 50 % and one of 120 %.  Its
 trips are not carried out: breakers take longer than zone 1.  The seeds up to 100 served for choosing the
-method and its limits; judge with others.  Some 20 ms a case on a quiet core.
+method and its limits; judge with others.  Some 20 ms a case on a quiet core.  ``--functions``: with every
+other function of the relay at work beside the zones, none of which trips.
 """
 
 from __future__ import annotations
@@ -40,7 +41,27 @@ class Answer(NamedTuple):
         return min(given, default=np.nan)
 
 
-def settings(case: dict, method: str, vt: str = "ideal") -> RelaySettings:
+def others(case: dict, z1: float, resistive: float) -> dict:
+    """Tables of all that may block a zone, or runs beside it."""
+    volts, f0 = case["kv"] * 1e3 / np.sqrt(3), case["f0"]
+    inner, stage = 1.1 * max(0.6 * z1, resistive), {"pickup_a": 1e4, "trip": False}
+    return {
+        "tvtr": {},
+        "rpsb": {"inner_resistance_ohm": inner, "outer_resistance_ohm": 1.4 * inner},
+        "zload": {"resistance_ohm": 1.5 * inner},
+        "pioc": [stage | {"direction": "forward"}],
+        "ptoc": [stage | {"curve": "iec-normal-inverse", "direction": "forward"}],
+        "ptuv": [{"start_v": 0.5 * volts, "trip": False}],
+        "ptov": [{"start_v": 1.5 * volts, "trip": False}],
+        "ptuf": [{"start_hz": 0.94 * f0, "trip": False}],
+        "ptof": [{"start_hz": 1.06 * f0, "trip": False}],
+        "pfrc": [{"start_hz_per_s": 5.0, "trip": False}],
+        "rbrf": {"current_a": 100.0},
+        "rrec": {},
+    }
+
+
+def settings(case: dict, method: str, vt: str = "ideal", functions: bool = False) -> RelaySettings:
     line, length = case["line"], case["length"]
     z1 = [line["r1_ohm_per_km"] * length, line["x1_ohm_per_km"] * length]
     z0 = [line["r0_ohm_per_km"] * length, line["x0_ohm_per_km"] * length]
@@ -58,6 +79,7 @@ def settings(case: dict, method: str, vt: str = "ideal") -> RelaySettings:
                 {"zone": 4, "reach_pu": 1.2, "delay_ms": 1000.0},
             ],
             "ptrc": {"zones": [4]},
+            **(others(case, float(np.hypot(*z1)), resistive) if functions else {}),
         }
     )
 
@@ -127,15 +149,16 @@ def main() -> None:
     parser.add_argument("--antialias", type=float, default=1500.0)
     parser.add_argument("--estimator", default="kalman-bank")
     parser.add_argument("--vt", choices=("ideal", "unknown"), default="ideal", help="what the relay is told")
+    parser.add_argument("--functions", action="store_true", help="with every other function")
     given = parser.parse_args()
     answers = []
     for number in range(given.cases):
         case = draw(given.seed, number, given.kind)
         samples, start = record(case, given.antialias)
-        told = settings(case, given.estimator, given.vt)
+        told = settings(case, given.estimator, given.vt, given.functions)
         answers += [answer(case, samples[end], start, end, told) for end in (0, 1)]
     print(f"{given.kind}, seed {given.seed}, {given.cases} cases, {given.antialias:g} Hz, {given.estimator},"
-          f" VT {given.vt}")  # fmt: skip
+          f" VT {given.vt}{', with every function' if given.functions else ''}")  # fmt: skip
     tell(answers)
 
 
