@@ -46,6 +46,8 @@ BACK = 0.8
 """Of what it was: above it it is there again."""
 FAULTS_CURRENT = 1.5
 """Of the current before."""
+STAYS = 0.9
+"""Of the current before: below it a load has gone."""
 BALANCED = 0.5
 """Of the unbalance that is a failure: below it the voltages are balanced again."""
 Part = Annotated[float, Field(gt=0, lt=1)]
@@ -156,6 +158,13 @@ def is_fed_by_a_fault(g: Record, q: Record) -> bool:
 
 
 @njit
+def has_not_fallen(q: Record) -> bool:
+    """Whether the greatest current is as great as before: while a load goes an estimator's currents are
+    unbalanced, too."""
+    return greatest2(q.x[3:]) > STAYS**2 * greatest2(q.memory.reference[3:])
+
+
+@njit
 def follow(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of a failure."""
     w.age += 1
@@ -163,7 +172,7 @@ def follow(g: Record, q: Record, c: Record, w: Record) -> None:
     w.lost |= lost_phases(q, w.before)
     unbalanced = is_unbalanced(g, q, c)
     w.well = w.well + 1 if is_back(q, c, w) else 0
-    fault_after_all = young and (unbalanced or is_fed_by_a_fault(g, q))
+    fault_after_all = young and (is_fed_by_a_fault(g, q) or (unbalanced and has_not_fallen(q)))
     sag = unbalanced and w.lost == 0 and w.age <= c.latch
     if fault_after_all or sag or w.well > c.reset:
         w.on = w.count = 0

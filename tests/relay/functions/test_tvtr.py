@@ -55,6 +55,20 @@ def test_it_is_found_after_a_quarter_of_a_cycle_and_blocks_every_zone(phases: st
     assert k.w["lost"] == sum(1 << "ABC".index(p) for p in phases)
 
 
+def test_a_load_that_goes_while_the_failure_is_young_ends_it_not() -> None:
+    """Its estimates are unbalanced for some milliseconds; those of a fault are, too, but greater than
+    before."""
+    for part, stays in ((0.6, 1), (1.2, 0)):
+        k = failing("AB")
+        k.step(count=QUARTER)
+        assert k.q["fuse_failure"] == 1
+        now = k.q["x"].copy()
+        now[3:] *= part * np.array([1.0, 0.6, 1.0])
+        k.q["x"], k.q["d"] = now, now - k.q["memory"]["reference"]
+        k.step(now, count=2, fed=1)
+        assert k.q["fuse_failure"] == stays, part
+
+
 @pytest.mark.parametrize("phases", ["A", "BC"])
 def test_half_a_voltage_through_loads_between_the_phases_is_found(phases: str) -> None:
     k = failing(phases, 0.5)
