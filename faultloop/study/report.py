@@ -183,6 +183,7 @@ STYLE = (
     "table{border-collapse:collapse;margin:.5em 0 1em;width:max-content;max-width:max(100%,50em)}"
     "td,th{padding:.2em .9em .2em 0;text-align:left;border-bottom:1px solid #ddd;vertical-align:top}"
     "th{vertical-align:bottom}td:first-child{min-width:8em}td.r{white-space:nowrap;min-width:0}"
+    "td.v,td.missed{min-width:0}"
     # diagrams side by side where there is room
     "@media(min-width:1100px){div.g{display:grid;gap:0 2em;grid-template-columns:repeat(2,minmax(0,1fr))}}"
     "section.w{grid-column:1/-1}"
@@ -192,17 +193,23 @@ STYLE = (
 )
 
 
+MANY = 6
+"""Entries of a legend that take height from the plot."""
+
+
 def _for_page(figure: Any) -> None:
     """The legend under the plot, unless the figure has a place of its own: beside it on a telephone it would
     leave no room for the plot.  The margin at the top is that of plotly's buttons: the title stands above."""
     figure.update_layout(margin={"t": 60})
     if figure.layout.legend.orientation is None:
         height = figure.layout.height or 450
-        below = -65 / max(height - 115, 100)  # of the plot's own height: under the axis' title
+        entries = sum(trace.showlegend is not False for trace in figure.data)
+        legend = min(10 * entries, height / 2) if entries > MANY else 0  # some two side by side
+        below = -65 / max(height - 115 - legend, 100)  # of the plot's own height: under the axis' title
         figure.update_layout(legend={"orientation": "h", "yanchor": "top", "y": below, "x": 0})
 
 
-_CLASSES = {"MISSED": " class=missed", "faultloop": " class=c"}
+_CLASSES = {"MISSED": " class=missed", "held": " class=v", "faultloop": " class=c"}
 
 
 def _html_table(table: Table) -> str:
