@@ -46,8 +46,8 @@ BACK = 0.8
 """Of what it was: above it it is there again."""
 FAULTS_CURRENT = 1.5
 """Of the current before."""
-STAYS = 0.9
-"""Of the current before: below it a load has gone."""
+GROWS = 1.1
+"""Of the greatest current before: below it an unbalance is none of a fault's."""
 BALANCED = 0.5
 """Of the unbalance that is a failure: below it the voltages are balanced again."""
 Part = Annotated[float, Field(gt=0, lt=1)]
@@ -158,10 +158,10 @@ def is_fed_by_a_fault(g: Record, q: Record) -> bool:
 
 
 @njit
-def has_not_fallen(q: Record) -> bool:
-    """Whether the greatest current is as great as before: while a load goes an estimator's currents are
+def has_grown(q: Record) -> bool:
+    """Whether a current is greater than before: while a load comes or goes an estimator's currents are
     unbalanced, too."""
-    return greatest2(q.x[3:]) > STAYS**2 * greatest2(q.memory.reference[3:])
+    return greatest2(q.x[3:]) > GROWS**2 * greatest2(q.memory.reference[3:])
 
 
 @njit
@@ -172,7 +172,7 @@ def follow(g: Record, q: Record, c: Record, w: Record) -> None:
     w.lost |= lost_phases(q, w.before)
     unbalanced = is_unbalanced(g, q, c)
     w.well = w.well + 1 if is_back(q, c, w) else 0
-    fault_after_all = young and (is_fed_by_a_fault(g, q) or (unbalanced and has_not_fallen(q)))
+    fault_after_all = young and (is_fed_by_a_fault(g, q) or (unbalanced and has_grown(q)))
     sag = unbalanced and w.lost == 0 and w.age <= c.latch
     if fault_after_all or sag or w.well > c.reset:
         w.on = w.count = 0
