@@ -124,9 +124,12 @@ def _print(found: dict[str, Any]) -> None:
     if rows:
         columns = [">index", "name", "at start", ">changes", ">first, s"]
         out.print(table("\nDigital channels", columns, rows))
-    rows = [(bay["name"] or "-", bay["voltages"], bay["map"]) for bay in found["bays"]]
+    rows = [
+        (place, bay["name"] or "-", bay["voltages"], bay["map"]) for place, bay in enumerate(found["bays"])
+    ]
     if rows:
-        out.print(table("\nBays", ["name", "voltages", "--map"], rows))
+        title = "\nBays: --map bay=NAME, or bay=PLACE" if len(rows) > 1 else "\nBays"
+        out.print(table(title, [">place", "name", "voltages", "the same as --map"], rows))
 
 
 def _ratio(ratio: list[float] | None) -> str:

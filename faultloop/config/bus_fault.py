@@ -53,12 +53,15 @@ class BusFault(Table):
     """``[[bus_fault]]``: something that goes wrong on the bus, from ``start_s`` for ``duration_s``."""
 
     name: Name = ""
+    """For `--set` and the log, and of a babbling or forging node; B1, B2, ... where not given."""
     kind: BusFaultKind
+    """What goes wrong; the other keys are each of some kinds."""
     node: Name | None = None
     """Whose frames: a relay, a breaker or "plant"; everybody's where not given.  A forger's victim."""
     message: MessageName | None = None
     """Which frames; all where not given."""
     start_s: Seconds = 0.0
+    """When it begins; of a restart, when the node goes."""
     duration_s: Annotated[float, Field(gt=0, le=1e6)] | None = None
     """To the end of the run where not given; of a restart, how long the node is away."""
     probability: Annotated[float, Field(ge=0, le=1)] | None = None
@@ -70,11 +73,13 @@ class BusFault(Table):
     bits: int = Field(default=1, ge=1, le=512)
     """Of the payload, flipped in a corrupted frame."""
     delay_ms: Milliseconds = 0.0
+    """Of a delayed frame; needed there."""
     jitter_ms: Milliseconds = 0.0
     """Uniformly distributed, 0 to this, added to the delay."""
     copies: int = Field(default=1, ge=1, le=100)
     """Of a duplicated frame, beside itself."""
     identifier: int = Field(default=0, ge=0, le=0x7FF)
+    """Of a babbler's frames; needed there."""
     rate_hz: Annotated[float, Field(gt=0, le=100_000)] | None = None
     """Frames per second that a babbling or forging node offers."""
     length: int = Field(default=8, ge=0, le=8)

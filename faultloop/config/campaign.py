@@ -58,12 +58,15 @@ class Header(Table):
     """``[campaign]``"""
 
     name: str = Field(min_length=1, max_length=200)
+    """What reports call it."""
     scenario: str = Field(min_length=1)
     """Path of the scenario, relative to the campaign file."""
     cases: int | None = Field(default=None, ge=1, le=100_000_000)
     """How many are drawn; a grid counts its own."""
     seed: int = Field(default=1, ge=0, lt=2**63)
+    """Of the draws; a case's draw depends on it, its number and its place."""
     sampling: Sampling
+    """Every combination; independent draws; a scrambled Sobol sequence."""
 
     @model_validator(mode="after")
     def _counted(self) -> Header:
@@ -78,6 +81,7 @@ class Vary(Table):
     """``[[vary]]``: one key, or several with the same draw, and what it takes."""
 
     key: Key | None = None
+    """One key of the scenario, as in `--set`, or of a relay's settings."""
     keys: tuple[Key, ...] = Field(default=(), strict=False, max_length=64)
     """Several keys that get one draw."""
     values: tuple[Any, ...] | None = Field(default=None, strict=False, min_length=1, max_length=1_000_000)
@@ -87,7 +91,9 @@ class Vary(Table):
     )
     """``[from, to, count]``: so many evenly spaced values, both ends included."""
     uniform: Annotated[Pair, AfterValidator(_rising)] | None = None
+    """[low, high]: drawn evenly."""
     log_uniform: Annotated[Pair, AfterValidator(_positive_rising)] | None = None
+    """[low, high]: its logarithm is drawn evenly."""
     normal: Annotated[Pair, AfterValidator(_spread)] | None = None
     """``[mean, deviation]``"""
     factor: dict[Key, Finite] = Field(default_factory=dict, max_length=64)
@@ -148,13 +154,16 @@ class Only(Table):
     """``[[only]]``: a condition over the varied keys."""
 
     when: str = Field(min_length=1, max_length=2000)
+    """Of the varied keys: numbers, texts, + - * / %, comparisons, in, and, or, not, abs, min, max."""
 
 
 class Judge(Expect):
     """``[[judge]]``: an `[[expect]]` for the cases whose fault is ``where`` this says; for all without it."""
 
     where: Where | None = None
+    """Where the fault is, seen from the relay's line; all cases where not given."""
     within_ms: Positive | None = None
+    """Received by the breaker at most this long after the fault's start."""
 
 
 class CampaignTables(Table):

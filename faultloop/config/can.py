@@ -13,11 +13,15 @@ class Can(Table):
     """``[can]``"""
 
     interface: str = "virtual"
+    """python-can's, or a transport's; `--can` overrides both."""
     channel: str = "faultloop"
+    """Left out with the interface: a bus of the run's own."""
     bitrate: int = Field(default=500_000, ge=10_000, le=1_000_000)
+    """Bit/s of the arbitration phase."""
     fd: bool = False
     """CAN FD, with its data phase at data_bitrate."""
     data_bitrate: int = Field(default=2_000_000, ge=10_000, le=8_000_000)
+    """Bit/s of the data phase of CAN FD."""
     measurements_hz: Annotated[float, Field(ge=0, le=1000)] = 10.0
     """How often each relay publishes its measurements; 0 leaves them out."""
     heartbeat_s: Annotated[float, Field(ge=0.01, le=3600)] = 1.0

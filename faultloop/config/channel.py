@@ -23,8 +23,11 @@ class Channel(Table):
     """
 
     from_relay: Name = Field(alias="from")
+    """One relay ..."""
     to_relay: Name = Field(alias="to")
+    """... and the other; a relay may have channels to several."""
     delay_ms: Delay = 0.0
+    """Of each frame; 0 is the bus alone."""
     asymmetry_ms: Annotated[float, Field(ge=-200, le=200)] = 0.0
     """By how much longer the way there takes than the way back: half more there, half less back."""
     jitter_ms: Delay = 0.0

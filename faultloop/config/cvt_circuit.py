@@ -37,6 +37,7 @@ class CvtCircuit(Table):
     burden_va: NonNegative = 100.0
     """At the tap's nominal voltage: a resistance and an inductance in series; 0: none."""
     power_factor: Annotated[float, Field(gt=0, le=1)] = 0.8
+    """Of the burden, lagging."""
     rf_ohm: Positive
     """Suppression circuit: this resistance alone (passive), or in series with a tank (active) of ..."""
     lf_h: Positive | None = None

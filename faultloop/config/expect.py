@@ -15,11 +15,17 @@ class Expect(Table):
     """``[[expect]]``: what a relay shall do.  Times count from the first fault's start."""
 
     relay: Name
+    """Of which it is expected."""
     trip: bool
+    """Whether it shall trip, or shall not."""
     function: str | None = None
+    """Of the trip, as "PDIS1"."""
     zone: int | None = Field(default=None, ge=1)
+    """Of the trip."""
     loop: Literal["AG", "BG", "CG", "AB", "BC", "CA", "ABC"] | None = None
+    """Of the trip; "ABC" of a three-phase fault."""
     poles: Literal["A", "B", "C", "ABC"] | None = None
+    """That the trip opens."""
     within_ms: Positive | None = None
     """Received by the breaker at most this long after the fault's start."""
     after_ms: NonNegative | None = None

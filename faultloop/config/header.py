@@ -24,8 +24,11 @@ class Header(Table):
     """``[scenario]``"""
 
     name: str = Field(min_length=1)
+    """What reports call it."""
     duration_s: Annotated[float, Field(gt=0, le=1e6)]
+    """Simulated time."""
     seed: int = Field(default=1, ge=0, lt=2**63)
+    """Of the noise and of chance on the bus; the same seed gives the same bytes."""
     start: Annotated[datetime, BeforeValidator(_iso_time)] = Field(
         default=datetime(2020, 1, 1, tzinfo=UTC), strict=False
     )
@@ -43,8 +46,10 @@ class System(Table):
     """``[system]``"""
 
     frequency_hz: Literal[50, 60]
+    """Nominal."""
     base_kv: Annotated[float, Field(gt=0, le=2000)]
     """Line-to-line RMS."""
     sampling_hz: int = Field(default=4800, ge=400, le=100_000)
+    """Sampled values per second; the relays' settings must have the same."""
     steps_per_sample: int = Field(default=4, ge=1, le=256)
-    """Plant steps in one sampling interval."""
+    """Plant steps in one sampling interval: 52 us each by default."""

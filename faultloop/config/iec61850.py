@@ -19,6 +19,7 @@ class Iec61850(Table):
     vlan_id: int = Field(default=0, ge=0, le=4095)
     """Of the tag of IEEE 802.1Q; 0 is a tag of priority alone."""
     vlan_priority: int = Field(default=4, ge=0, le=7)
+    """Of the same tag."""
     simulation: bool = False
     """Every message is published with the simulation flag set."""
     accept_simulation: bool = False

@@ -18,9 +18,11 @@ class FrontEnd(Table):
     antialias_hz: NonNegative = 0.0
     """-3 dB frequency of the Butterworth low-pass before sampling; 0 leaves it out."""
     antialias_order: Literal[2, 4] = 2
+    """Of the low-pass."""
     voltage_noise_v: NonNegative = 0.0
     """RMS of the white noise on each voltage sample, primary volts."""
     current_noise_a: NonNegative = 0.0
+    """The same of each current sample, primary amperes."""
     adc_bits: int = Field(default=0, ge=0, le=32)
     """Of the converter, sign included; 0 leaves quantization and clipping out."""
     voltage_full_scale_v: Positive | None = None
@@ -41,9 +43,13 @@ class RelayPlace(Table):
     """``[[relay]]``: where a relay measures, which breaker it trips, and its settings file."""
 
     name: Name
+    """Its name."""
     line: Name
+    """The line that it protects; its current is positive into the line."""
     end: End
+    """The end of the line at which it measures."""
     breaker: Name | None = None
+    """The one it trips and follows; none where not given."""
     settings: str = Field(min_length=1)
     """Path of the settings, relative to the scenario file."""
     voltage_at: Literal["bus", "line"] = "bus"

@@ -9,7 +9,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+)
 
 from faultloop.config.input_file import check_input
 from faultloop.errors import InputError, nearest
@@ -54,8 +62,24 @@ NonNegative = Annotated[float, Field(ge=0)]
 Milliseconds = Annotated[float, Field(ge=0, le=1e7)]
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]
+_NUMBER = {"type": "number"}
+_FORMS = {
+    "anyOf": [
+        {"type": "array", "prefixItems": [_NUMBER, _NUMBER], "minItems": 2, "maxItems": 2},
+        {
+            "type": "object",
+            "properties": {"magnitude": _NUMBER, "angle_deg": _NUMBER},
+            "required": ["magnitude", "angle_deg"],
+            "additionalProperties": False,
+        },
+    ]
+}
 ComplexOhm = Annotated[
-    tuple[float, float], Field(strict=False), BeforeValidator(_polar), AfterValidator(_pair)
+    tuple[float, float],
+    Field(strict=False),
+    BeforeValidator(_polar),
+    AfterValidator(_pair),
+    WithJsonSchema(_FORMS, mode="validation"),
 ]
 """An impedance [ohm], or a factor, as TOML ``[r, x]`` or ``{ magnitude = ..., angle_deg = ... }``."""
 

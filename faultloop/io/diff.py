@@ -13,7 +13,7 @@ import numpy as np
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import MESSAGES, message_of
+from faultloop.io.messages import BREAKER_STATUS, EVENT, FAULT_STATE, MESSAGES, message_of
 
 FIELD_NAMES = tuple(dict.fromkeys(f.name for message in MESSAGES for f in message.fields))
 MISSING = "(message)"  # the field of a message that one log has and the other has not
@@ -95,8 +95,11 @@ def diff_logs(
         for tally in tallies:
             tally.take(a.array(tally.topic, *span), b.array(tally.topic, *span))
     result.fields = [found for tally in tallies for found in tally.differences()]
-    # Of fields that differ at the same time the cause stands first: samples, phasors, loops, elements, ...
-    shared.sort(key=lambda topic: MESSAGES.index(message_of(topic)))
+    # Of fields that differ at the same time the cause stands first: what happened in the plant, then samples,
+    # phasors, loops, elements, ..., and last what a person reads of it.
+    ends = (FAULT_STATE, BREAKER_STATUS, EVENT)
+    kinds = (*ends[:2], *(message for message in MESSAGES if message not in ends), EVENT)
+    shared.sort(key=lambda topic: kinds.index(message_of(topic)))
     order = {topic: place for place, topic in enumerate(shared)}
     result.fields.sort(key=lambda found: (found.t_ns, order[found.name.rpartition(".")[0]]))
     return result

@@ -1,12 +1,13 @@
 """Layouts of viewers for a log: Foxglove (and Lichtblick) as JSON, PlotJuggler as XML.
 
 Foxglove's current form is a tree of splits, tabs and panels (``foxglove.layouts``, schema 0.62 of
-foxglove-sdk 0.30); PlotJuggler 4 reads ``<root pj4_version="4">`` with tabs of dock splitters (its sources
-and tests).
+foxglove-sdk 0.30); PlotJuggler 4 reads ``<root pj4_version="4">`` with tabs of dock splitters, in which a
+curve is known by its topic and field, and not by a name (its sources and tests).
 """
 
 from __future__ import annotations
 
+import json
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from itertools import count
@@ -63,7 +64,8 @@ def loci(relay: str) -> list[tuple[str, str, str, str]]:
 def foxglove(log: Log) -> dict[str, Any]:
     """A tab for each relay - waves, magnitudes, states, R-X plane - and one for events and frames."""
     tabs = [{"title": relay, "content": _relay_tab(log, relay)} for relay in log.relays]
-    tabs.append({"title": "events", "content": _split([_log_panel(log), _raw("/can")])})
+    told = [_log_panel(topic) for topic in log.topics if topic.endswith("/events")]
+    tabs.append({"title": "events", "content": _split([*told, _raw("/can")])})
     return {"version": 1, "content": {"type": "tabs", "selectedTabIndex": 0, "tabs": tabs}}
 
 
@@ -99,7 +101,7 @@ def _relay_tab(log: Log, relay: str) -> dict[str, Any]:
             f"{relay} R-X {way['label']} [ohm]",
             {
                 "paths": [way],
-                "xAxisVal": "currentCustom",
+                "xAxisVal": "custom",  # all messages; "currentCustom" is the present one alone
                 "xAxisPath": {"value": way.pop("xAxisPath"), "enabled": True},
             },
         )
@@ -108,9 +110,8 @@ def _relay_tab(log: Log, relay: str) -> dict[str, Any]:
     return _split([_split([*plots, lanes]), _split(planes)], "row")
 
 
-def _log_panel(log: Log) -> dict[str, Any]:
-    topic = next((t for t in log.topics if t.endswith("/events")), "/plant/events")
-    return _panel("Log", "events", {"topicToRender": topic})
+def _log_panel(topic: str) -> dict[str, Any]:
+    return _panel("Log", topic, {"topicToRender": topic})
 
 
 def _raw(topic: str) -> dict[str, Any]:
@@ -122,7 +123,7 @@ def _raw(topic: str) -> dict[str, Any]:
 
 def plotjuggler(log: Log, files: Sequence[str]) -> ET.Element:
     """A tab for each relay, and its R-X plane; ``files``: the logs that the curves come from."""
-    root = ET.Element("root", pj4_version="4", binding="generic", format="PlotJuggler")
+    root = ET.Element("root", pj4_version="4", binding="source", format="PlotJuggler")
     numbers = map(str, count(1))
     widget = ET.SubElement(
         root, "tabbed_widget", {"id": next(numbers), "name": "main", "parent": "main_window"}
@@ -134,7 +135,11 @@ def plotjuggler(log: Log, files: Sequence[str]) -> ET.Element:
     ET.SubElement(root, "data_processors")
     loaded = ET.SubElement(root, "previouslyLoaded_Datafiles")
     for file in files:
-        ET.SubElement(loaded, "fileInfo", filename=file, prefix="")
+        info = ET.SubElement(loaded, "fileInfo", filename=file, prefix="")
+        ET.SubElement(info, "dataset", source_index="0", display_offset_ns="0")
+        loader = {"ID": "MCAP Loader", "manifest_id": "mcap-loader", "filepath_mode": "source"}
+        plugin = ET.SubElement(info, "plugin", loader)
+        plugin.text = json.dumps({"filepath": file, "use_log_time": True})
     return root
 
 
@@ -153,21 +158,16 @@ def _time_tab(
     for title, curves in plots:
         area = ET.SubElement(splitter, "DockArea", id=next(numbers), name=title)
         style = "Steps" if title.endswith("elements") else "Lines"
-        plot = ET.SubElement(area, "plot", mode="TimeSeries", style=style)
+        plot = ET.SubElement(area, "plot", id=next(numbers), mode="TimeSeries", style=style, title=title)
         ET.SubElement(plot, "limitY")
         for topic, field, colour in curves:
-            ET.SubElement(plot, "curve", name=f"{topic}/{field}", color=colour or "#26436B")
+            ET.SubElement(plot, "curve", topic=topic, field=field, color=colour or "#26436B")
 
 
 def _plane_tab(widget: ET.Element, relay: str, numbers: Iterator[str]) -> None:
     splitter = _tab(widget, f"{relay} R-X", 1, next(numbers))
     area = ET.SubElement(splitter, "DockArea", id=next(numbers), name=f"{relay} R-X [ohm]")
-    plot = ET.SubElement(area, "plot", mode="XYPlot", style="Lines")
+    plot = ET.SubElement(area, "plot", id=next(numbers), mode="XYPlot", style="Lines")
     for topic, r, x, colour in loci(relay):
-        curve = {
-            "name": f"{topic}/{x}",
-            "curve_x": f"{topic}/{r}",
-            "curve_y": f"{topic}/{x}",
-            "color": colour,
-        }
-        ET.SubElement(plot, "curve", curve)
+        path = {"x_topic": topic, "x_field": r, "y_topic": topic, "y_field": x}
+        ET.SubElement(plot, "curve", path | {"name": x[:2].upper(), "color": colour})

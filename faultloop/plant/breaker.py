@@ -20,9 +20,14 @@ class Breaker(Component):
     most: ClassVar[int | None] = 16
 
     line: Name
+    """The line that it is in."""
     end: End
+    """The end of the line at which it is."""
     operate_ms: Milliseconds = 40.0
+    """From the trip frame's reception to the parting of the contacts; each pole opens at its next current
+    zero."""
     close_ms: Milliseconds = 80.0
+    """From the close frame to the making of the contacts."""
     closed: bool = True
     """Whether its poles conduct when the run begins."""
 

@@ -38,6 +38,7 @@ class Component(Table):
     """Items without a name are called by it and their place: F1, F2, ...; none: the name is needed."""
 
     name: Name
+    """Its name, for other tables, `--set` and the log."""
 
     def key(self, key: str) -> str:
         """Of one of its settings, for a message."""

@@ -45,17 +45,19 @@ class Ct(Component):
     ratio: Annotated[tuple[Positive, Positive], Field(strict=False)]
     """[primary, secondary] amperes."""
     model: Literal["ideal", "saturating"] = "ideal"
+    """Without a transient of its own, or with saturation."""
     core: Literal["TPX", "TPY", "TPZ"] = Field(default="TPX", alias="class")
+    """Closed core; small gaps; large ones."""
     vs_v: Positive | None = None
-    """Secondary voltage, RMS, at an exciting current of 10 A RMS."""
+    """Secondary voltage, RMS, at an exciting current of 10 A RMS; needed if saturating."""
     s: Annotated[float, Field(ge=3, le=100)] = 22.0
     """Inverse slope of the saturated part of the excitation curve in a log-log plot."""
     rw_ohm: NonNegative = 0.0
     """Secondary winding."""
     burden_ohm: ComplexOhm | None = None
-    """[r, x] at the secondary, leads included; x at system frequency."""
+    """[r, x] at the secondary, leads included; x at system frequency; needed if saturating."""
     remanence_pu: Number = 0.0
-    """Of the flux at `vs_v`, in all phases."""
+    """Of the flux at `vs_v`, in all phases: TPX to 1, TPY to 0.1, TPZ none."""
     time_constant_s: Positive | None = None
     """Secondary, of TPY (1 s where not given) and TPZ (60 ms)."""
 

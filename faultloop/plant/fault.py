@@ -35,12 +35,19 @@ class Fault(Component):
     letter: ClassVar[str] = "F"
 
     name: Name = ""
+    """F1, F2, ... where not given."""
     line: Name | None = None
+    """Where it is: a line with `at_km` or `at_pu`, or a `bus`."""
     at_km: NonNegative | None = None
+    """From the line's `from` end."""
     at_pu: Annotated[float, Field(ge=0, le=1)] | None = None
+    """The same as a part of the line."""
     bus: Name | None = None
+    """In place of a line."""
     type: FaultType
+    """Phases, and G where ground is in it."""
     start_s: Seconds | None = None
+    """When it begins, at the nearest step; or `angle_deg`."""
     angle_deg: Number | None = None
     """Point on wave: the angle of the first faulted phase's voltage (of A to B for AB, and so on, where no
     ground is involved), 0 at its rising zero."""

@@ -26,9 +26,13 @@ class Inverter(Component):
     table: ClassVar[str] = "inverter"
 
     bus: Name
+    """Where it feeds in."""
     rated_mva: Positive
+    """Base of the per-unit values."""
     power_mw: NonNegative
+    """Before the fault, at unity power factor."""
     current_limit_pu: Annotated[float, Field(ge=1, le=3)] = 1.2
+    """Of each phase's current."""
     negative_sequence: Literal["none", "controlled"] = "none"
     """"none": an accident of its current loop; "controlled": a current that leads V2 by 90 degrees."""
     k1: Annotated[float, Field(ge=0, le=10)] = 2.0
@@ -36,7 +40,9 @@ class Inverter(Component):
     k2: Annotated[float, Field(gt=0, le=10)] = 2.0
     """... and negative-sequence current per negative-sequence voltage."""
     filter_pu: Annotated[float, Field(ge=0.05, le=0.5)] = 0.15
+    """Reactance of its filter."""
     filter_r_pu: Annotated[float, Field(gt=0, le=0.05)] = 0.003
+    """Resistance of its filter."""
 
     @model_validator(mode="after")
     def _able(self) -> Inverter:

@@ -33,15 +33,25 @@ class Line(Component):
     least: ClassVar[int] = 1
 
     from_bus: Name = Field(alias="from")
+    """The bus at its beginning ..."""
     to_bus: Name = Field(alias="to")
+    """... and at its end."""
     length_km: Annotated[float, Field(gt=0, le=5000)]
+    """Its length."""
     model: Literal["bergeron", "pi", "rl"] = "bergeron"
+    """Travelling waves; cascaded coupled pi sections; series impedance alone."""
     r1_ohm_per_km: PerKm
+    """Positive-sequence resistance."""
     x1_ohm_per_km: Annotated[float, Field(gt=0, le=1e4)]
+    """Positive-sequence reactance at system frequency."""
     b1_us_per_km: PerKm = 0.0
+    """Positive-sequence susceptance; 0 for "rl"."""
     r0_ohm_per_km: PerKm
+    """Zero-sequence resistance."""
     x0_ohm_per_km: Annotated[float, Field(gt=0, le=1e4)]
+    """Zero-sequence reactance."""
     b0_us_per_km: PerKm = 0.0
+    """Zero-sequence susceptance."""
     sections: int | None = Field(default=None, ge=1, le=500)
     """``pi`` only: cascaded sections over the whole line; chosen by length where not given."""
 

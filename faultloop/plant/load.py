@@ -24,10 +24,13 @@ class Load(Component):
     table: ClassVar[str] = "load"
 
     bus: Name
+    """Where it is."""
     mw: NonNegative
+    """Three-phase, at `base_kv`."""
     mvar: Number = 0.0
     """Three-phase; positive: it takes reactive power."""
     connection: Literal["wye", "delta"] = "wye"
+    """With its star point earthed, or without zero sequence."""
 
     @model_validator(mode="after")
     def _some_power(self) -> Load:

@@ -36,16 +36,22 @@ class Mutual(Component):
     letter: ClassVar[str] = "M"
 
     name: Name = ""
+    """M1, M2, ... where not given."""
     lines: Annotated[tuple[Name, ...], Field(strict=False, min_length=2, max_length=2)]
+    """Names of the two lines."""
     r0m_ohm_per_km: NonNegative
+    """Zero-sequence mutual resistance."""
     x0m_ohm_per_km: Positive
+    """Zero-sequence mutual reactance, below the lines' own."""
     b0m_us_per_km: NonNegative = 0.0
+    """Zero-sequence mutual susceptance."""
     from_km: Annotated[tuple[NonNegative, ...], Field(strict=False, min_length=2, max_length=2)] | None = None
-    """Where the common stretch begins on the first line, and the place beside it on the second, each from its
-    ``from`` end."""
+    """[a, b]: where the common stretch begins on the first line, and the place beside it on the second, each
+    from its ``from`` end; at a bus that both have where not given."""
     length_km: Positive | None = None
-    """Of the common stretch."""
+    """Of the common stretch; as far as the shorter line goes where not given."""
     direction: Direction | None = None
+    """How the second line's `from` to `to` runs along the first; by the shared bus where there is one."""
 
     @model_validator(mode="after")
     def _two_lines(self) -> Mutual:

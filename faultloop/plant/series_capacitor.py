@@ -34,14 +34,20 @@ class SeriesCapacitor(Component):
     letter: ClassVar[str] = "SC"
 
     name: Name = ""
+    """SC1, SC2, ... where not given."""
     line: Name
+    """The line that it is in."""
     at_pu: Annotated[float, Field(ge=0, le=1)]
+    """From the line's `from` end; at 0 and 1 inside the breaker."""
     x_ohm: Positive
     """Of each phase, at system frequency."""
     mov_kv: Positive | None = None
-    """Left out: no varistor."""
+    """Peak voltage at which the varistor carries `mov_ka`, above what load puts across the bank; no varistor
+    where not given."""
     mov_ka: Positive = 10.0
+    """Peak current of the varistor at `mov_kv`."""
     exponent: Annotated[float, Field(ge=5, le=60)] = 30.0
+    """Of the varistor's curve, i ~ u^exponent."""
 
     def check(self, tables: PlantTables) -> None:
         line = tables.find(Line, self.line, self.key("line"))

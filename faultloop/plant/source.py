@@ -24,13 +24,19 @@ class Source(Component):
     least: ClassVar[int] = 1
 
     bus: Name
+    """A bus that a line names."""
     voltage_pu: Positive = 1.0
+    """Of `base_kv`."""
     angle_deg: Number = 0.0
+    """Of phase A's cosine at t = 0."""
     z1_ohm: ComplexOhm | None = None
+    """Positive-sequence impedance, [r, x]; or `sir`."""
     z0_ohm: ComplexOhm | None = None
+    """Zero-sequence impedance, [r, x]."""
     sir: Positive | None = None
     """|Zs1| / |Zl1|, at the line's angle, of the first line listed at the bus."""
     z0_over_z1: Positive = 1.0
+    """With `sir`: the zero-sequence impedance."""
     frequency_hz: Annotated[float, Field(ge=10, le=10_000)] | None = None
     """The source's own frequency; the system's where not given."""
 

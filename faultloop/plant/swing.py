@@ -27,9 +27,13 @@ class Swing(Component):
     letter: ClassVar[str] = "W"
 
     name: Name = ""
+    """W1, W2, ... where not given."""
     source: Name
+    """Whose angle it is."""
     at_s: Annotated[tuple[Seconds, ...], Field(strict=False, min_length=1)]
+    """Times, rising ..."""
     angle_deg: Annotated[tuple[Number, ...], Field(strict=False, min_length=1)]
+    """... and the source's angle at each of them."""
 
     @model_validator(mode="after")
     def _a_curve(self) -> Swing:

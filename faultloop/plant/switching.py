@@ -23,10 +23,15 @@ class Switching(Component):
     letter: ClassVar[str] = "S"
 
     name: Name = ""
+    """S1, S2, ... where not given."""
     breaker: Name
+    """Whose poles."""
     operation: Literal["open", "close"]
+    """What they do."""
     poles: Poles = "ABC"
+    """Which."""
     at_s: Seconds
+    """When the contacts make or part."""
 
     def check(self, tables: PlantTables) -> None:
         tables.find(Breaker, self.breaker, self.key("breaker"))

@@ -28,10 +28,15 @@ class Transformer(Component):
     table: ClassVar[str] = "transformer"
 
     bus: Name
+    """Of its star side, earthed."""
     delta_bus: Name
+    """The bus that it makes, referred to the star side."""
     rated_mva: Positive
+    """Base of the impedances."""
     x_pu: Annotated[float, Field(gt=0, le=1)]
+    """Leakage reactance."""
     r_pu: NonNegative = 0.0
+    """Resistance of the windings."""
 
     def buses(self) -> tuple[str, ...]:
         return (self.delta_bus,)

@@ -37,7 +37,9 @@ class Vt(Component):
     ratio: Annotated[tuple[Positive, Positive], Field(strict=False)]
     """[primary, secondary] volts."""
     model: Literal["ideal", "cvt"] = "ideal"
+    """Without a transient of its own, or capacitive."""
     circuit: Circuit | None = None
+    """Of a "cvt"; needed there."""
     burden_va: NonNegative | None = None
     """In place of the circuit's."""
 

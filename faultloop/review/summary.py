@@ -269,8 +269,12 @@ def _relay_warnings(
     return out
 
 
+ORDINARY = ("PTRC", "LPHD1 not ready, zones blocked: a pole has opened")
+"""How texts begin that stand in the log of every trip: nothing to warn of."""
+
+
 def _noted(log: Log, events: list[Event]) -> list[str]:
     """What was found damaged, and what the run itself warned of."""
     serious = [event for event in events if event.level in ("WARNING", "ERROR", "FATAL")]
-    told = [f"{event.source}: {event.text}" for event in serious if not event.text.startswith("PTRC")]
+    told = [f"{event.source}: {event.text}" for event in serious if not event.text.startswith(ORDINARY)]
     return [*log.warnings, *told]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -270,3 +273,38 @@ def test_real_records_keep_their_phasors(records, name, mapping, limit):
     before, after = fundamental(six), fundamental(again)
     scale = np.repeat([np.abs(before[:, :3]).max(), np.abs(before[:, 3:]).max()], 3)
     assert (np.abs(after - before) / scale).max() < limit
+
+
+@pytest.mark.parametrize(
+    ("name", "mapping", "places"),
+    [
+        ("b-g-500kv-reclose/cfg_file.CFG", "bay=Ⅱ回", (4, 5, 6, 12, 13, 14)),
+        ("b-g-500kv-reclose/cfg_file.CFG", "bay=0", (0, 1, 2, 8, 9, 10)),
+        ("osc-swing-110kv/2.cfg", "bay=ВЛ62", (4, 5, 6, 31, 32, 33)),
+        ("sel311l-c-g/1991-ascii-sel.cfg", None, (5, 6, 7, 0, 1, 2)),
+        ("b-c-to-abc-110kv/two_phase_fault.cfg", None, (0, 1, 2, 3, 4, 5)),
+        ("breaker-failure-30kv/NOR-T2_osc1.cfg", None, (0, 1, 2, 3, 4, 5)),
+    ],
+)
+def test_the_shared_records_without_channel_numbers(
+    records: Path, name: str, mapping: str | None, places: tuple[int, ...]
+) -> None:
+    """As the records' README has them."""
+    record = read_comtrade(records / name)
+    six = select_channels(record, mapping, ct_ratio=1.0, vt_ratio=1.0)
+    assert six.names == tuple(record.analog[place].name for place in places)
+
+
+def test_a_bay_that_is_not_told(records: Path) -> None:
+    record = read_comtrade(records / "b-g-500kv-reclose" / "cfg_file.CFG")
+    for mapping, words in (
+        ("bay=nowhere", "no bay 'nowhere': 0 to"),
+        ("bay=回", "'回' can be any of 某某Ⅰ回, 某某Ⅱ回"),
+        ("bay=1,bay=0", "bay is mapped twice"),
+        ("bay=3", "its name does not tell va, vb, vc: map these beside it"),
+        (None, "a whole bay with --map bay=.. (0 '某某Ⅰ回', 1 '某某Ⅱ回'"),
+    ):
+        with pytest.raises(InputError, match=re.escape(words)):
+            select_channels(record, mapping)
+    beside = select_channels(record, "bay=3,va=20,vb=21,vc=22")
+    assert beside.names[:3] == tuple(record.analog[place].name for place in (20, 21, 22))

@@ -90,19 +90,30 @@ def test_a_foxglove_layout_shows_topics_and_fields_that_are_there(log: Log, made
     assert "/relay/R1/view.PDIS1_Op" in {path["value"] for path in lanes["config"]["paths"]}
     axes = [p["config"]["xAxisPath"]["value"] for p in panels if "xAxisPath" in p["config"]]
     assert axes[0] == "/relay/R1/loops.ag_r" and set(axes) <= fields
-    assert next(p for p in panels if p["panelType"] == "Log")["config"]["topicToRender"] in log.topics
+    told = [p["config"]["topicToRender"] for p in panels if p["panelType"] == "Log"]
+    assert told == [topic for topic in log.topics if topic.endswith("/events")]
 
 
 def test_a_plotjuggler_layout_has_its_tabs_and_curves(log: Log, made: Path) -> None:
     root = ET.parse(made / "p.xml").getroot()
     assert (root.tag, root.get("pj4_version")) == ("root", "4")
     assert [tab.get("tab_name") for tab in root.iter("Tab")] == ["R1", "R1 R-X"]
-    curves = {curve.get("name") for curve in root.iter("curve")}
-    assert {"/relay/R1/samples/ia", "/relay/R1/view/va_mag", "/relay/R1/view/PDIS1_Op"} <= curves
+    curves = {(curve.get("topic"), curve.get("field")) for curve in root.iter("curve")}
+    wanted = {("samples", "ia"), ("view", "va_mag"), ("view", "PDIS1_Op")}
+    assert {(f"/relay/R1/{topic}", field) for topic, field in wanted} <= curves
+    plane = next(plot for plot in root.iter("plot") if plot.get("mode") == "XYPlot")
+    ways = [[c.get(k) for k in ("x_topic", "x_field", "y_topic", "y_field")] for c in plane]
+    loops = "/relay/R1/loops"
+    assert len(ways) == 6 and ways[0] == [loops, "ag_r", loops, "ag_x"]
+    known = {name for topic in (loops, "/relay/R1/samples") for name in log.array(topic).dtype.names or ()}
+    assert {field for way in ways for field in way[1::2]} <= known
     ids = [e.get("id") for e in root.iter() if e.get("id") is not None]
     assert len(set(ids)) == len(ids)
     for splitter in root.iter("DockSplitter"):
         assert int(splitter.get("count", "0")) == len(list(splitter))
+    for info in root.iter("fileInfo"):
+        told = json.loads(info.findtext("plugin") or "")
+        assert told["filepath"] == info.get("filename")
     files = [one.get("filename") for one in root.iter("fileInfo")]
     assert files == [str(log.path), str(made / "v.mcap")]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from faultloop.errors import InputError, nearest
 from faultloop.io.comtrade.mapping import ABSENT, SLOTS
 from faultloop.io.comtrade.names import NAMED, PHASE_WORD, label_of, phases_of
 from faultloop.io.comtrade.record import AnalogChannel, Record
@@ -27,8 +28,13 @@ class Bay:
     @property
     def mapping(self) -> str:
         """What ``--map`` wants; ? where a user must say."""
-        absent = "?" if self.why.startswith("one of") else ABSENT
+        absent = "?" if self.unsaid else ABSENT
         return ",".join(f"{slot}={self.places.get(slot, absent)}" for slot in SLOTS)
+
+    @property
+    def unsaid(self) -> list[str]:
+        """The slots that a user must say."""
+        return [slot for slot in SLOTS if slot not in self.places] if self.why.startswith("one of") else []
 
 
 def bay_of(channel: AnalogChannel) -> str:
@@ -49,6 +55,25 @@ def bays_of(record: Record) -> list[Bay]:
         own, why = _voltages_of(name, list(voltages))
         found.append(Bay(name, (voltages[own] if own is not None else {}) | places, why))
     return found
+
+
+def bay_called(record: Record, wanted: str) -> Bay:
+    """The bay of that name, of that place in the list, or with that part of a name, which only one has.
+
+    Raises InputError where there is none, or several.
+    """
+    bays = bays_of(record)
+    names = [bay.name for bay in bays]
+    found = [bay for bay in bays if bay.name.lower() == wanted.lower()]
+    if not found and re.fullmatch(r"[0-9]{1,6}", wanted) and int(wanted) < len(bays):
+        found = [bays[int(wanted)]]
+    found = found or [bay for bay in bays if wanted and wanted.lower() in bay.name.lower()]
+    if not found:
+        listed = f"0 to {len(bays) - 1}, {nearest(wanted, names)}" if bays else "the record has none"
+        raise InputError(f"no bay '{wanted}': {listed}", key="--map")
+    if len(found) > 1:
+        raise InputError(f"'{wanted}' can be any of {', '.join(bay.name for bay in found)}", key="--map")
+    return found[0]
 
 
 def _groups(record: Record, quantity: str) -> dict[str, dict[str, int]]:

@@ -16,7 +16,8 @@ CONTACTS = tuple(f"52{kind}{pole}" for kind in "ab" for pole in ("", "_a", "_b",
 """Auxiliary contacts of a breaker or of one pole: 52a is on while it is closed, 52b while it is open."""
 ABSENT = "-"
 
-_ASSIGNMENT = re.compile(r"(?:^|,)\s*(v[abc]|i[abc]|52[ab](?:_[abc])?)\s*=")
+BAY = "bay"
+_ASSIGNMENT = re.compile(r"(?:^|,)\s*(v[abc]|i[abc]|52[ab](?:_[abc])?|bay)\s*=")
 _Channel = TypeVar("_Channel", AnalogChannel, StatusChannel)
 
 
@@ -37,24 +38,42 @@ class Mapping:
 
 
 def parse_mapping(record: Record, text: str) -> Mapping:
-    """Parse a mapping; raises InputError that names what is wrong in it."""
+    """Parse a mapping; raises InputError that names what is wrong in it.
+
+    ``bay=NAME``, or its place in the list that `faultloop channels` prints, stands for its six channels; what
+    is mapped beside it goes before.
+    """
     found = list(_ASSIGNMENT.finditer(text))
     if not found and text.strip():
         raise InputError(f"'{text}' is not of the form va=..,vb=..,ic=..", key="--map")
     if found and text[: found[0].start()].strip():
         known = ", ".join((*SLOTS, "52a", "52b"))
         raise InputError(f"'{text[: found[0].start()]}' is none of {known}", key="--map")
-    mapping = Mapping({}, {})
+    mapping, bay = Mapping({}, {}), None
     ends = [match.start() for match in found[1:]] + [len(text)]
     for match, end in zip(found, ends, strict=False):
         slot, value = match[1], text[match.end() : end].strip()
-        if slot in mapping.analog or slot in mapping.contacts:
+        if slot in mapping.analog or slot in mapping.contacts or (slot == BAY and bay is not None):
             raise InputError(f"{slot} is mapped twice", key="--map")
-        if slot in CONTACTS:
+        if slot == BAY:
+            bay = value
+        elif slot in CONTACTS:
             mapping.contacts[slot] = _contact(record, slot, value)
         else:
             mapping.analog[slot] = None if value == ABSENT else _choice(record, slot, value)
     _check_contacts(mapping.contacts)
+    if bay is not None:
+        from faultloop.io.comtrade.bays import bay_called
+
+        found_bay = bay_called(record, bay)
+        if left := [slot for slot in found_bay.unsaid if slot not in mapping.analog]:
+            raise InputError(
+                f"bay '{found_bay.name}': its name does not tell {', '.join(left)}: map these beside it",
+                key="--map",
+            )
+        places = found_bay.places
+        of_bay = {slot: Choice(record.analog[places[slot]]) if slot in places else None for slot in SLOTS}
+        return Mapping(of_bay | mapping.analog, mapping.contacts)
     return mapping
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.errors import InputError
+from faultloop.io.comtrade.bays import bays_of
 from faultloop.io.comtrade.mapping import SLOTS, Choice, parse_mapping
 from faultloop.io.comtrade.names import Label, label_of, phases_of
 from faultloop.io.comtrade.record import AnalogChannel, Rate, Record
@@ -245,7 +246,9 @@ def _strongest_hz(values: NDArray[np.float64], hz: float) -> float:
 
 def _how(record: Record) -> str:
     last = len(record.analog) - 1
+    bays = [f"{place} '{bay.name}'" for place, bay in enumerate(bays_of(record)) if not bay.unsaid]
+    whole = f"a whole bay with --map bay=.. ({', '.join(bays[:4])}), or " if len(bays) > 1 else ""
     return (
-        f"map the channels by name or place (0 to {last}): --map va=..,vb=..,...,ic=..; "
+        f"map {whole}the channels by name or place (0 to {last}): --map va=..,vb=..,...,ic=..; "
         "`faultloop channels` lists them"
     )

@@ -1,0 +1,42 @@
+"""The tables of keys in docs/ are what the models say, have all tables, and say something of every key."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from faultloop.config.key_table import key_table
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = ("scenario.md", "campaigns.md")
+
+
+@pytest.fixture(scope="module")
+def keys() -> ModuleType:
+    place = importlib.util.spec_from_file_location("keys", ROOT / "docs" / "keys.py")
+    assert place is not None and place.loader is not None
+    module = importlib.util.module_from_spec(place)
+    place.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_tables_are_those_of_the_models(keys: ModuleType, page: str) -> None:
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert keys.filled(text, keys.PAGES[page]) == text, "python docs/keys.py"
+    shown = set(re.findall(keys.PLACE, text))
+    assert set(keys.tables(keys.PAGES[page])) - shown <= {"relay.front_end"}  # as [front_end]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_key_has_a_meaning(keys: ModuleType, page: str) -> None:
+    for table in keys.tables(keys.PAGES[page]):
+        for row in key_table(keys.model_of(keys.PAGES[page], table))[2:]:
+            cells = re.split(r"(?<!\\)\|", row)
+            assert len(cells) == 7, row
+            assert cells[5].strip(), (table, row)
+            assert cells[4].strip(), (table, row)
