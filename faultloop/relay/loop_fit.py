@@ -26,7 +26,8 @@ from faultloop.relay.recent import LENGTH
 
 Record = Any
 Drop = tuple[complex, complex]
-Sums = tuple[float, float, float, float, float, float]
+Means = tuple[int, int]
+Sums = tuple[float, float, float, float, float, float, float, float, float]
 
 FIRST = (0, 1, 2, 0, 1, 2)
 SECOND = (1, 2, 0, 1, 2, 0)
@@ -47,18 +48,28 @@ def loop_values(r: Record, back: int, loop: int) -> tuple[float, float, float]:
 
 
 @njit
-def gather(g: Record, r: Record, drop: Drop, loop: int, mean: int, window: int) -> Sums:
-    """Sums over the window of uu uv vv uf ff vf: v the voltage, u the drop along the reach, f the fault's
-    current, each averaged over ``mean`` values; ``drop``: the reach [ohm], and its part for the residual."""
+def gather(g: Record, r: Record, drop: Drop, loop: int, means: Means, window: int) -> Sums:
+    """Sums over the window of uu uv vv uf ff vf u v f: v the voltage, u the drop along the reach, f the
+    fault's current, each averaged over ``means``, two counts of values, one after the other; ``drop``: the
+    reach [ohm], and its part for the residual.
+
+    Travelling waves are no matter of R and L: a second mean takes of them what the first lets through.
+    """
     along, residual = drop
+    mean, second = means
     # di/dt by the trapezoidal rule, so scaled that it is exact at the nominal frequency.
     rate = 0.5 / math.tan(0.5 * g.turn_per_value)
     v = i = n = 0.0
-    for j in range(window, window + mean):
+    first = window + second - 1
+    for j in range(first, first + mean):
         dv, di, dn = loop_values(r, j, loop)
         v, i, n = v + dv, i + di, n + dn
+    kept = np.empty((3, second))
+    sum_u = sum_v = sum_f = 0.0
     uu = uv = vv = uf = ff = vf = 0.0
-    for j in range(window - 1, -1, -1):
+    u1 = v1 = f1 = 0.0
+    for k in range(first):
+        j = first - 1 - k
         new_v, new_i, new_n = loop_values(r, j, loop)
         old_v, old_i, old_n = loop_values(r, j + mean, loop)
         dv, di, dn = new_v - old_v, new_i - old_i, new_n - old_n
@@ -67,16 +78,41 @@ def gather(g: Record, r: Record, drop: Drop, loop: int, mean: int, window: int) 
         u = along.real * (i + 0.5 * di) + residual.real * (n + 0.5 * dn)
         u += rate * (along.imag * di + residual.imag * dn)
         v, i, n = v + dv, i + di, n + dn
-        uu, uv, vv = uu + u * u, uv + u * y, vv + y * y
-        uf, ff, vf = uf + u * f, ff + f * f, vf + y * f
-    return uu, uv, vv, uf, ff, vf
+        place = k % second
+        if k >= second:
+            sum_u, sum_v, sum_f = sum_u - kept[0, place], sum_v - kept[1, place], sum_f - kept[2, place]
+        kept[0, place], kept[1, place], kept[2, place] = u, y, f
+        sum_u, sum_v, sum_f = sum_u + u, sum_v + y, sum_f + f
+        if k >= second - 1:
+            uu, uv, vv = uu + sum_u * sum_u, uv + sum_u * sum_v, vv + sum_v * sum_v
+            uf, ff, vf = uf + sum_u * sum_f, ff + sum_f * sum_f, vf + sum_v * sum_f
+            u1, v1, f1 = u1 + sum_u, v1 + sum_v, f1 + sum_f
+    return uu, uv, vv, uf, ff, vf, u1, v1, f1
+
+
+@njit
+def centred(sums: Sums, window: int) -> Sums:
+    """The sums without the mean of u, v and f over the window: whatever has been added to one of them and
+    stays as it is falls out."""
+    uu, uv, vv, uf, ff, vf, u, v, f = sums
+    return (
+        uu - u * u / window,
+        uv - u * v / window,
+        vv - v * v / window,
+        uf - u * f / window,
+        ff - f * f / window,
+        vf - v * f / window,
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 @njit
 def fit(sums: Sums, sign: int) -> tuple[float, float, float]:
     """m, the root mean square of what is left over that of u, and r [ohm]; infinite without a current.  r is
     not negative for a loop that looks along ``sign``."""
-    uu, uv, vv, uf, ff, vf = sums
+    uu, uv, vv, uf, ff, vf, _, _, _ = sums
     if not uu > 0.0:
         return np.inf, np.inf, 0.0
     m, left, r = uv / uu, vv - uv * uv / uu, 0.0

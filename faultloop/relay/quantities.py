@@ -21,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay import currents, cvt, energy, memory, recent, voltages
+from faultloop.relay import currents, cvt, energy, memory, recent, second, voltages
 from faultloop.relay.energy import ENERGY
 from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2, third
 from faultloop.relay.recent import RECENT, SQRT2
+from faultloop.relay.second import SECOND
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -131,12 +132,14 @@ QUANTITIES = np.dtype(
         ("disturbed", "i8"),  # there is a change against it, since memory.age samples
         ("fed", "i8"),  # a current has changed too, and not only a voltage
         ("energy", ENERGY),  # what the change has brought, and its direction
+        ("second", SECOND),  # a change against the state that the disturbance has settled to
         ("d", "c16", (6,)),  # the change of the phasors, while disturbed
         ("change", "c16", (6,)),  # its sequence components
         # published by functions; cleared before each sample where marked *
         ("fault", "i8"),  # PHS: the fault's type
         ("crossed", "i8"),  # PHS: the type is of the fault ahead, and there is another behind
         ("behind", "i8"),  # PHS: mask of phases whose own fault is behind
+        ("from_behind", "i8"),  # PHS: mask of phases in which something behind has changed since the fault
         ("released", "i8"),  # PHS: mask of the loops that may start
         ("direction", "i8"),  # RDIR: 1 forward, -1 reverse, 0 unknown
         ("polarizing", "c16"),  # RDIR: positive-sequence polarizing voltage, while disturbed
@@ -362,9 +365,12 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
         sequences(q.d, q.change)
         q.memory.fed |= memory.current_differs(g, q.x, q.memory.reference)
         currents.watch_change(g, q)
+        voltages.lose(g, q)
+        second.follow(g, q, turn)
         q.loaded |= q.dead != ALL_POLES
     else:
         energy.rest(g, q.energy, ready)
+        second.forget(q.second)
         if q.memory.tick == 0 and q.memory.seen > g.settling:
             voltages.prove(g, q)
             currents.watch(g, q)

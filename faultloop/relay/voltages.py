@@ -5,6 +5,7 @@ not there: a blown fuse, an open miniature breaker, a channel that nobody wired.
 but what was before can: a transformer is *proven* by a voltage, and no longer when the voltage is missing in
 quiet while the pole carries current, or is closed and the other phases have theirs.  All three without load
 go as those of a line that is opened do; but that one's breaker says so, or its load goes with the voltage.
+The same holds of a voltage that has just gone while every current stays as it was.
 Loops with a phase that is not proven measure nothing.
 """
 
@@ -46,6 +47,21 @@ def prove(g: Record, q: Record) -> None:
     q.lost = q.lost + 1 if lost else 0
     if q.lost >= g.snapshots:  # two cycles: a breaker that closes says so before its current is seen
         q.proven = 0
+
+
+@njit
+def lose(g: Record, q: Record) -> None:
+    """In a disturbance: a voltage that has gone while no current has changed for half a cycle, nor its pole
+    opened, is its transformer's; a fault that took it away would be fed, or the load would change."""
+    if q.memory.fed or 2 * q.memory.age < g.cycle:
+        return
+    greatest = max(size2(q.x[0]), size2(q.x[1]), size2(q.x[2]))
+    floor = g.minimum_voltage**2
+    if greatest > floor and size2(q.sequence[2]) <= UNBALANCE**2 * size2(q.sequence[1]):
+        return
+    for phase in range(3):
+        if size2(q.x[phase]) <= max(floor, PART**2 * greatest) and (q.closed >> phase) & 1:
+            q.proven &= ~(1 << phase)
 
 
 @njit

@@ -96,6 +96,20 @@ def test_all_voltages_lost_without_load_then_a_three_phase_fault(after_ms: float
         assert not trips, (at, trips)
 
 
+@pytest.mark.parametrize("after_ms", [20.0, 60.0])
+@pytest.mark.parametrize("angle", [0.0, -15.0])
+@pytest.mark.parametrize("phases", ["ABC", "A", "BC"])
+def test_voltages_lost_shortly_before_a_fault_outside(phases: str, angle: float, after_ms: float) -> None:
+    """A voltage that goes while every current stays as it was, for half a cycle, is its transformer's; what
+    comes then is judged without it."""
+    network = Network(angle_deg=angle)
+    for kind in ("ABC", "BC"):
+        for at in (-1.0, 1.0):
+            x = lost(samples(network, kind, at), phases, 0, FAULT_S - after_ms / 1e3)
+            trips, _ = run(relay(network), x)
+            assert not trips, (kind, at, trips)
+
+
 @pytest.mark.parametrize("load", [True, False])
 def test_a_line_that_was_opened_is_switched_onto_a_bolted_fault(load: bool) -> None:
     """With no voltage left: its load went with the voltage, or the breaker said that it opened."""

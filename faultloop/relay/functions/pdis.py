@@ -33,9 +33,10 @@ from pydantic import Field, model_validator
 from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function, Polygon
-from faultloop.relay.loop_fit import FIRST, SECOND, doubted, gather
+from faultloop.relay.loop_fit import FIRST, SECOND, centred, doubted, gather
 from faultloop.relay.memory import A2, A, at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
+from faultloop.relay.unknown_vt import CENTRED_DOUBT, is_believed, is_believed_centred, weakness
 from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
@@ -58,10 +59,6 @@ OUTSIDE = np.inf
 DOUBT, STAYS = 2.0, 0.5
 """How much what the fit leaves counts against the depth; the part that does however long it is inside."""
 BY_PHASORS = 0.0
-WEAK = 2.5
-"""Source over line, from the change of voltages and currents."""
-LONGEST, STRONGER = 1.5, 5.0
-"""Cycles that zone 1 waits behind a source of 5 times the line and more; less behind a stronger one."""
 POINTS = 73
 
 
@@ -272,9 +269,17 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
     then is the slower the longer it has lasted, and wants a longer mean.
     """
     length = min(max(10 * q.memory.age, 4 * g.cycle), 15 * g.cycle) * g.values // (10 * g.cycle)
-    mean = max(length // 3, 1)
-    sums = gather(g, q.recent, (c.reach, c.k0 * c.reach), loop, mean, length - mean)
-    return doubted(sums, c.direction, abs(c.reach), doubt)
+    drop = c.reach, c.k0 * c.reach
+    ratio, m = weakness(g, q), OUTSIDE
+    if is_believed(g, q, ratio):
+        means = length // 4, max(length // 8, 1)
+        window = length - means[0] - means[1] + 1
+        m = doubted(gather(g, q.recent, drop, loop, means, window), c.direction, abs(c.reach), doubt)
+    if is_believed_centred(g, q, ratio):
+        means = length // 3, 1
+        sums = centred(gather(g, q.recent, drop, loop, means, length - means[0]), length - means[0])
+        m = min(m, doubted(sums, c.direction, abs(c.reach), CENTRED_DOUBT))
+    return m
 
 
 @njit
@@ -333,20 +338,14 @@ def delay(c: Record, fault: int) -> int:
 
 @njit
 def doubt(g: Record, q: Record, w: Record) -> float:
-    """How much what the fit leaves counts; infinite while the voltage cannot be trusted.
+    """How much what the fit leaves counts; infinite while the voltage cannot be trusted (`unknown_vt`).
 
     After a cycle inside less and less: what rings has gone by then, and what stays - noise, an offset that a
-    transformer has added - says nothing against the depth.  But the transient of a capacitive voltage
-    transformer lasts longer, and is larger than a fault's voltage behind a weak source.  So where it is
-    not known, and the change says that the source is weak, zone 1 waits for a window of a cycle and more.
+    transformer has added - says nothing against the depth; but behind a weak source.
     """
-    if not g.ideal_vt:
-        voltage2 = size2(q.change[1]) + size2(q.change[2])
-        current2 = size2(q.change[4]) + size2(q.change[5])
-        ratio = math.sqrt(voltage2 / (current2 * size2(g.z1))) if current2 > 0.0 else np.inf
-        if ratio > WEAK:
-            wait = min(LONGEST, LONGEST - 1.0 + ratio / STRONGER)
-            return DOUBT if q.memory.age >= wait * g.cycle else np.inf
+    ratio = weakness(g, q)
+    if ratio > 0.0:
+        return DOUBT if is_believed(g, q, ratio) or is_believed_centred(g, q, ratio) else np.inf
     return DOUBT * min(1.0, max(g.cycle / w.inside, STAYS))
 
 
@@ -392,6 +391,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         mask = q.released & c.loops & ~q.blocked_loops
         if c.direction > 0:  # of two faults the one behind is in no loop that looks ahead
             mask &= ~loops_of(q.behind)
+            if delay(c, q.fault) < g.cycle:
+                mask &= ~loops_of(q.from_behind)
         step_zone(g, q, c, w, 0 if (q.blocked_zones >> c.number) & 1 else mask)
         q.zone_started |= w.pickup
     q.inside |= w.counter > 0

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
@@ -30,7 +31,7 @@ from faultloop.relay import swing
 from faultloop.relay.currents import blocked_loops
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import A2, A, positive_sequence, size2, weight
-from faultloop.relay.quantities import LOOPS, Record, indicate
+from faultloop.relay.quantities import LOOPS, Record, indicate, sequences
 from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
@@ -48,6 +49,8 @@ LOOP_MASK = (0, 1, 2, 4, 8, 16, 32, 56)
 """Loops released by fault type."""
 TYPE_OF_PHASES = (0, 1, 2, 4, 3, 6, 5, 7)
 """Fault type by the mask of its phases."""
+PHASES_OF_TYPE = (0, 1, 2, 4, 3, 6, 5, 7)
+"""And the mask by the type."""
 PHASE_TURN = (complex(1), A2, A)
 
 
@@ -153,6 +156,57 @@ def phases_at(g: Record, w: Record, of_side: int) -> int:
 
 
 @njit
+def is_fed(q: Record, phases: int) -> bool:
+    """Whether in one of these the current has risen and the voltage fallen since the first has settled."""
+    before = q.second.reference
+    for phase in range(3):
+        fallen = size2(q.x[phase]) < size2(before[phase])
+        risen = size2(q.x[3 + phase]) > size2(before[3 + phase])
+        if (phases >> phase) & 1 and fallen and risen:
+            return True
+    return False
+
+
+@njit
+def watch_second(g: Record, q: Record, c: Record, w: Record) -> None:
+    """Type and side of a second fault, by the change against what the first has settled to.
+
+    Only one that takes in a further phase, and more current there, is a fault: what else changes then, the
+    first one's clearing or an infeed that goes, has the first one's phases or takes the load away.  But
+    whatever changes behind makes no fault ahead: zones without delay do not start by its phases.
+    """
+    s = q.second
+    if not s.active:
+        w.again = w.again_count = 0
+        if s.settled:
+            w.first, w.first_side = w.fault, q.direction
+        return
+    change = np.empty(6, np.complex128)
+    sequences(s.d, change)
+    candidate = classify(g, c, s.d, change)
+    if candidate != w.again:
+        w.again = candidate
+        w.again_count = 0
+    still = q.memory.drift < STILL**2 * weight(g, s.d)
+    w.again_count += 16 if still or candidate == 7 else 2
+    first, now = PHASES_OF_TYPE[w.first], PHASES_OF_TYPE[candidate]
+    if w.again_count < g.cycle:
+        return
+    if s.energy.direction > 0:
+        w.from_behind &= ~now
+    elif s.energy.direction < 0 and w.first_side > 0 and still and g.ideal_vt:
+        w.from_behind |= now
+    if not is_fed(q, now & ~first):
+        return
+    if s.energy.direction > 0 and w.first_side < 0:
+        w.ahead, w.aside = candidate, first & ~now
+    elif s.energy.direction < 0 and w.first_side > 0:
+        w.ahead, w.aside = w.first, now & ~first
+    elif s.energy.direction > 0 and w.first_side > 0:
+        w.before, w.also = w.first, candidate
+
+
+@njit
 def select(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the phase selection, during a disturbance.
 
@@ -177,6 +231,9 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     watch_sides(g, q, w)
     w.behind = phases_at(g, w, -1)
     w.crossed = TYPE_OF_PHASES[phases_at(g, w, 1)] if w.behind else 0
+    watch_second(g, q, c, w)
+    if w.ahead:
+        w.crossed, w.behind = w.ahead, w.aside
     if w.crossed:
         w.fault = w.crossed
     elif w.count >= g.cycle and (q.memory.moving or not settled):
@@ -202,11 +259,14 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         select(g, q, c, w)
     else:
         w.fault = w.candidate = w.count = w.crossed = w.behind = 0
+        w.first = w.first_side = w.again = w.again_count = w.ahead = w.aside = 0
+        w.before = w.also = w.from_behind = 0
         w.side[:] = 0
     q.fault = w.fault
     q.crossed = w.crossed
     q.behind = w.behind
-    q.released = released(q, w.fault)
+    q.from_behind = w.from_behind
+    q.released = released(q, w.before) | released(q, w.also) if w.also else released(q, w.fault)
     indicate(q, c.bit, q.released)
 
 
@@ -224,6 +284,15 @@ PHS = Function(
         ("stood", "i8", (3,)),  # samples of still phasors for which it has been there
         ("behind", "i8"),  # mask of phases, once it has stood
         ("crossed", "i8"),  # type of the fault ahead where there is one behind, too
+        ("first", "i8"),  # type of the fault that has settled, and its direction
+        ("first_side", "i8"),
+        ("again", "i8"),  # type of what has changed since
+        ("again_count", "i8"),
+        ("ahead", "i8"),  # of the two the type of the one ahead, and the other one's phases
+        ("aside", "i8"),
+        ("before", "i8"),  # where both are ahead, the first's type and the second's
+        ("also", "i8"),
+        ("from_behind", "i8"),  # mask of phases that have changed from behind after a fault ahead
     ),
     always=True,
     bits=LOOPS,

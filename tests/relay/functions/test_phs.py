@@ -66,3 +66,47 @@ def test_at_rest_there_is_no_fault() -> None:
     k.q["disturbed"] = 0
     k.step()
     assert (k.q["fault"], k.q["released"], k.q["pickup"]) == (0, 0, 0)
+
+
+def second(first: str, side: int, kind: str, energy: int) -> Kernel:
+    """A fault that has settled, on this side; then ``kind``, the change against it, with such an energy."""
+    network = NETWORKS["strong"]
+    k = disturbed(network, first)
+    k.q["direction"] = side
+    k.step(count=SIXTEENTH)
+    k.q["second"]["settled"] = 1
+    k.step()
+    k.q["second"]["active"], k.q["second"]["energy"]["direction"] = 1, energy
+    k.q["second"]["reference"] = network.solve(first)
+    k.q["second"]["d"] = network.solve(kind) - network.solve()
+    k.q["x"] = k.q["second"]["reference"] + k.q["second"]["d"]
+    return k
+
+
+def test_a_second_fault_ahead_of_one_behind() -> None:
+    k = second("AG", -1, "BC", 1)
+    k.step(count=SIXTEENTH)
+    assert (FAULTS[int(k.q["crossed"])], FAULTS[int(k.q["fault"])]) == ("BC", "BC")
+    assert (int(k.q["behind"]), int(k.q["released"])) == (0b001, 1 << LOOPS.index("BC"))
+
+
+def test_a_second_fault_ahead_of_one_ahead_releases_both_ones_loops() -> None:
+    k = second("AG", 1, "BG", 1)
+    k.step(count=SIXTEENTH)
+    assert (int(k.q["crossed"]), int(k.q["behind"])) == (0, 0)
+    assert int(k.q["released"]) == 1 << LOOPS.index("AG") | 1 << LOOPS.index("BG")
+
+
+def test_what_changes_behind_holds_its_phases_back() -> None:
+    k = second("AG", 1, "AG", -1)
+    k.g["ideal_vt"] = 1
+    k.q["memory"]["drift"] = 0.0
+    k.step(count=SIXTEENTH)
+    assert (int(k.q["from_behind"]), int(k.q["crossed"])) == (0b001, 0)
+
+
+def test_what_changes_in_the_phases_of_the_first_is_no_second_fault() -> None:
+    """It clears, or an infeed goes: from ahead of the relay, while the fault is behind."""
+    k = second("ABG", -1, "AG", 1)
+    k.step(count=SIXTEENTH)
+    assert (int(k.q["crossed"]), FAULTS[int(k.q["fault"])]) == (0, "AB")
