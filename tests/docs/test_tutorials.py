@@ -44,7 +44,7 @@ def words(text: str) -> str:
     return " ".join(text.split())
 
 
-QUICK = ("index",)
+QUICK = ("scenario",)
 RUN = [pytest.param(p, id=p.stem, marks=[] if p.stem in QUICK else pytest.mark.slow) for p in PAGES]
 
 
