@@ -86,6 +86,8 @@ class RelayProcess:
         self._silent = False
         self._sets = 0
         self._frames: list[Frame] = []
+        self._made_ns = 0
+        """When the first of these was."""
         self._heard_ns = 0
         self._restarts = 0
         self.trips = 0
@@ -119,7 +121,8 @@ class RelayProcess:
     @property
     def next_ns(self) -> int:
         silence = FOREVER if self._silent else self._heard_ns + SILENT_NS
-        return 0 if self._frames else min(self.node.next_ns, self._arrivals.next_ns, silence)
+        made = self._made_ns if self._frames else FOREVER
+        return min(made, self.node.next_ns, self._arrivals.next_ns, silence)
 
     def poll(self, t_ns: int) -> list[Frame]:
         if not self._silent and t_ns >= self._heard_ns + SILENT_NS and self._stream.next_count < self._total:
@@ -192,6 +195,7 @@ class RelayProcess:
         if outputs.phasors != self._sets:
             self._sets = outputs.phasors
             say_first(self.node.nodes, self.node.place, *records_of(relay), t_ns)
+            self._made_ns = self._made_ns if self._frames else t_ns
             self._frames += self.node.poll(t_ns)  # of samples that come in a burst every set is sent
         self.node.measured[:14] = relay.phasors[-1]
         self.node.measured[14] = relay.fault_location

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,18 +12,14 @@ import faultloop
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, SampledValues, decode
 from faultloop.io.mcap_writer import LogWriter
-from faultloop.live.breaker import BreakerProcess
 from faultloop.live.clock import SECOND_NS, RunClock
 from faultloop.live.merge import merge
-from faultloop.live.plant import PlantProcess
-from faultloop.live.relay import RelayProcess
 from faultloop.live.stream import WAITS, BesideStream, SampleStream, quantised
 from faultloop.live.supervisor import run_processes
 from faultloop.loop.pacing import Deadlines, Percentiles
-from faultloop.loop.recording import MemorySink, Recorder
 from faultloop.loop.scenario import Scenario
-from faultloop.nodes import FOREVER
 from faultloop.nodes.plant import PlantNode
+from tests.live.in_one_process import OneProcess
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 HZ, CYCLE = 4800, 96
@@ -174,49 +168,23 @@ def test_a_plant_that_joins_late_goes_on_with_the_same_waves():
     assert t_ns == pytest.approx(0.3e9, abs=1e6)
 
 
-def closed_loop(scenario: Scenario) -> list[tuple[str, str, int, str, int, int]]:
-    """All nodes as their processes run them, but for a bus that takes no time; what was decided."""
-    trips: list[tuple[str, str, int, str, int, int]] = []
-
-    class Trips(MemorySink):
-        def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
-            if message_name == "Trip":
-                f = SimpleNamespace(**fields)
-                trips.append((topic.split("/")[2], f.function, f.zone, f.loop, f.poles, f.sample_count))
-
-    plant = PlantProcess(scenario)
-    relays = [RelayProcess(scenario, i) for i in range(len(scenario.relay))]
-    breakers = [BreakerProcess(scenario, i) for i in range(len(scenario.breaker))]
-    nodes = (plant, *relays, *breakers)
-    started = RunClock(2**62, 0)  # time zero is to come
-    for node in nodes:
-        node.begin(Recorder([Trips()]), started)
-    while not plant.node.done:
-        t_ns = min(node.next_ns for node in nodes)
-        assert t_ns < FOREVER
-        sent = [(t_ns, frame) for node in nodes if node.next_ns <= t_ns for frame in node.poll(t_ns)]
-        for node in nodes:
-            node.receive(t_ns, sent)
-    return sorted(trips)
-
-
 @pytest.mark.parametrize("name", ["ag-zone1", "single-pole-trip", "zone2-remote-end", "reverse-fault"])
 def test_nodes_decide_as_the_simulation_does(name):
     """Samples go through frames, to 10 mV and 1 mA, and breakers move on their own: it is the same trip."""
     scenario = faultloop.load_scenario(SCENARIOS / f"{name}.toml")
     simulated = faultloop.run(scenario).trips
     wanted = sorted((t.relay, t.function, t.zone, t.loop, t.poles, t.sample_count) for t in simulated)
-    assert closed_loop(scenario) == wanted
+    assert OneProcess(scenario).run() == wanted
 
 
-@pytest.mark.parametrize("name", ["pott"])
+@pytest.mark.parametrize("name", ["pott", "line-differential"])
 def test_both_ends_decide_as_the_simulation_does(name):
     """Signals and currents of the far end go through the channel's queue in a process, too.  The bus takes no
     time here, and up to 0.6 ms in the simulation: three samples."""
     scenario = faultloop.load_scenario(SCENARIOS / f"{name}.toml")
     simulated = faultloop.run(scenario).trips
     wanted = sorted((t.relay, t.function, t.zone, t.loop, t.poles, t.sample_count) for t in simulated)
-    got = closed_loop(scenario)
+    got = OneProcess(scenario).run()
     assert [t[:5] for t in got] == [t[:5] for t in wanted]
     assert max(abs(a[5] - b[5]) for a, b in zip(got, wanted, strict=True)) <= 3
 
