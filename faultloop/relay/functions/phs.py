@@ -42,7 +42,10 @@ STILL = 0.08
 SIDE_COSINE = 0.6
 """Of the angle between a phase's drop and its voltage before: nearer to square, and its side is not known."""
 TAKES_PART = 0.3
-"""Of the greatest change of a phase voltage and of a phase current: less, and the phase is healthy."""
+"""Of the greatest change of a phase voltage and of a phase current: less, and the phase is healthy ..."""
+OWN_DROP = 0.2
+"""... unless along the line that current drops so much of the phase's own change of voltage: beside a fault
+close in, the one behind is fed from the line's far end."""
 FALLS = 0.5
 """Cosine of the angle between a voltage's change and its fall."""
 LOOP_MASK = (0, 1, 2, 4, 8, 16, 32, 56)
@@ -124,7 +127,8 @@ def side(g: Record, q: Record, phase: int) -> int:
     for k in range(3):
         voltage2 = max(voltage2, size2(q.d[k]))
         current2 = max(current2, size2(q.d[3 + k]))
-    if size2(dv) < TAKES_PART**2 * voltage2 or size2(q.d[3 + phase]) < TAKES_PART**2 * current2:
+    small = size2(q.d[3 + phase]) < TAKES_PART**2 * current2 and size2(drop) < OWN_DROP**2 * size2(dv)
+    if small or size2(dv) < TAKES_PART**2 * voltage2:
         return 0
     if -(dv * before.conjugate()).real < FALLS * math.sqrt(size2(dv) * size2(before)):
         return 0
@@ -207,6 +211,18 @@ def watch_second(g: Record, q: Record, c: Record, w: Record) -> None:
 
 
 @njit
+def disputed(w: Record, candidate: int) -> bool:
+    """Whether a fault of more phases may be two: one of its phases is ahead now, and one behind."""
+    if candidate <= 3:
+        return False
+    ahead = behind = 0
+    for phase in range(3):
+        ahead += w.side[phase] > 0
+        behind += w.side[phase] < 0
+    return ahead > 0 and behind > 0
+
+
+@njit
 def select(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the phase selection, during a disturbance.
 
@@ -217,7 +233,8 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     explains it, which takes the load away from the healthy phases.
 
     Of two faults on two sides (cross-country) the change tells neither: the type is that of the phases ahead,
-    as a loop on the line still measures its own.
+    as a loop on the line still measures its own.  What looks like that waits for up to a cycle, or zone 1
+    would have tripped for both before.
     """
     candidate = swing.fault_type(g, q) if q.swing_fault > swing.YOUNG else classify(g, c, q.d, q.change)
     settled = w.fault != 0 and q.memory.age >= 2 * g.cycle
@@ -229,6 +246,8 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     still = q.memory.drift < STILL**2 * weight(g, q.d)
     w.count += 16 if still or candidate == 7 else 2
     watch_sides(g, q, w)
+    w.disputed = w.disputed + 1 if disputed(w, candidate) else 0
+    waits = 0 < w.disputed <= g.cycle
     w.behind = phases_at(g, w, -1)
     w.crossed = TYPE_OF_PHASES[phases_at(g, w, 1)] if w.behind else 0
     watch_second(g, q, c, w)
@@ -236,7 +255,7 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
         w.crossed, w.behind = w.ahead, w.aside
     if w.crossed:
         w.fault = w.crossed
-    elif w.count >= g.cycle and (q.memory.moving or not settled):
+    elif w.count >= g.cycle and not waits and (q.memory.moving or not settled):
         w.fault = candidate
 
 
@@ -258,7 +277,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if q.disturbed:
         select(g, q, c, w)
     else:
-        w.fault = w.candidate = w.count = w.crossed = w.behind = 0
+        w.fault = w.candidate = w.count = w.crossed = w.behind = w.disputed = 0
         w.first = w.first_side = w.again = w.again_count = w.ahead = w.aside = 0
         w.before = w.also = w.from_behind = 0
         w.side[:] = 0
@@ -283,6 +302,7 @@ PHS = Function(
         ("side", "i8", (3,)),  # of each phase's own fault at this sample: 1 ahead, -1 behind
         ("stood", "i8", (3,)),  # samples of still phasors for which it has been there
         ("behind", "i8"),  # mask of phases, once it has stood
+        ("disputed", "i8"),  # samples for which there may be one on each side
         ("crossed", "i8"),  # type of the fault ahead where there is one behind, too
         ("first", "i8"),  # type of the fault that has settled, and its direction
         ("first_side", "i8"),

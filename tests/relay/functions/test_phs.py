@@ -110,3 +110,21 @@ def test_what_changes_in_the_phases_of_the_first_is_no_second_fault() -> None:
     k = second("ABG", -1, "AG", 1)
     k.step(count=SIXTEENTH)
     assert (int(k.q["crossed"]), FAULTS[int(k.q["fault"])]) == (0, "AB")
+
+
+def test_a_fault_of_two_phases_of_which_one_is_behind_waits_for_a_cycle() -> None:
+    """Two faults at once, one on each side, look like one of two phases: zone 1 must not have it at once."""
+    network = NETWORKS["strong"]
+    k = disturbed(network, "ABG")
+    k.q["d"][4] *= -1.0  # phase B's current comes from the line
+    k.step(count=48)
+    assert k.q["fault"] == 0
+    k.step()
+    assert FAULTS[int(k.q["fault"])] == "AG" and int(k.q["behind"]) == 0b010
+    k = disturbed(network, "ABG")
+    k.q["d"][4] *= -1.0
+    k.q["memory"]["drift"] = float("inf")  # it never stands still, and is taken as it looks
+    k.step(count=96)
+    assert k.q["fault"] == 0
+    k.step()
+    assert FAULTS[int(k.q["fault"])] == "AB"
