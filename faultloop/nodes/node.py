@@ -156,14 +156,17 @@ def clock_us(n: Record, t_ns: int) -> int:
 
 @njit
 def _tell_heard(nodes: Nodes, i: int, t_ns: int) -> None:
-    """Into the set that is sent: its counter, and how long before its time the last one was heard."""
+    """Into the set that is sent: its counter, and how long before its time the last one of another end was
+    heard; of several in turn."""
     n, m = nodes.node[i], nodes.own_set[i]
     m.counter = (m.counter + 1) & 0xFF
     nodes.sent_us[i, m.counter] = m.time
     m.page = 0
     m.st_num = 0
+    m.sq_num = 0
     if n.sources:
-        source = nodes.source[n.first_source]
+        source = nodes.source[n.first_source + m.counter % n.sources]
+        m.sq_num = source.number
         if source.heard_ns != NOTHING_YET:
             ago = microseconds(m.time - clock_us(n, source.heard_ns))
             if 0 <= ago < 1 << 16:

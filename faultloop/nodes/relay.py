@@ -131,7 +131,7 @@ class RelayNode(Node):
             start_ns=start_ns,
             relay=number,
             linked=len(linked),
-            sources=sources(linked, agreement) if agreement else None,
+            sources=sources(number, linked, agreement) if agreement else None,
         )
         for key, kind in (("transfers", Kind.TRANSFER), ("back_trips", Kind.BREAKER_FAILURE)):
             self.nodes.node[key] = kinds.index(kind) if kind in kinds else 0

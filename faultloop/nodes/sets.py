@@ -39,6 +39,7 @@ SETTLING = 16
 SOURCE = np.dtype(
     [
         ("number", "i8"),  # of the relay
+        ("own", "i8"),  # of the relay that takes its sets
         ("agreement", "i8"),  # hash of what it must have alike
         ("by_channel", "i8"),  # 1: its clock is another, and known by the round trip
         ("count", "i8"),  # sets that were taken from the bus
@@ -104,8 +105,8 @@ def align(s: Record, m: Record, clock_us: int, sent_us: NDArray[np.int64]) -> No
     """
     if s.settling > 0:
         s.settling -= 1
-    if m.st_num == 0:
-        return
+    if m.st_num == 0 or m.sq_num != s.own:
+        return  # it has heard nothing of late, or speaks of a third end
     trip_us = np.float64(microseconds(clock_us - sent_us[m.page]) - m.st_num)
     if not 0.0 < trip_us < LONGEST_TRIP_US:
         return
@@ -127,9 +128,9 @@ def microseconds(difference: int) -> int:
     return int((difference + (1 << 31)) % (1 << 32) - (1 << 31))
 
 
-def sources(numbers: Any, agreement: int) -> Any:
-    """Of relays by number, that must have this hash; with bit 16 the channel aligns."""
+def sources(own: int, numbers: Any, agreement: int) -> Any:
+    """Of relays by number, that must have this hash, for relay ``own``; with bit 16 the channel aligns."""
     found = np.zeros(len(numbers), SOURCE)
-    found["number"], found["agreement"] = numbers, agreement & 0xFFFF
+    found["own"], found["number"], found["agreement"] = own, numbers, agreement & 0xFFFF
     found["by_channel"], found["heard_ns"] = agreement >> 16 & 1, NOTHING
     return found

@@ -9,7 +9,9 @@ remote to the local current is -1 for whatever flows through.  Restrained is a s
 ones of the same differential and the same restraint (Kasztenny, Benmouyal, Altuve and Fischer 2011, "Tutorial
 on operating characteristics of microprocessor-based multiterminal line current differential relays").
 
-Percentage with two slopes (GE P54x): |sum| against half the sum of magnitudes.
+Percentage with two slopes (GE P54x): |sum| against half the sum of magnitudes.  While a fault outside is
+known the angle is asked, too, as GE's B30 does beside its detector of saturation: a current transformer that
+saturates leaves a part of the current, some 90 degrees late at most, and no slope stands that.
 """
 
 from __future__ import annotations
@@ -125,6 +127,9 @@ def operates(c: Record, currents: NDArray[np.complex128], n: int, secure: bool) 
     if not total > c.pickup * (SECURE if secure else 1.0):
         return False
     if not c.alpha:
-        return percentage_operates(c, total, restraint(currents, n) / 2, secure)
+        if not percentage_operates(c, total, restraint(currents, n) / 2, secure):
+            return False
+        if not secure:
+            return True
     ratio = min(SECURE * c.ratio, max(MOST_RATIO, c.ratio)) if secure else c.ratio
     return alpha_operates(ratio_of(currents, n), ratio, c.half_angle_cos)

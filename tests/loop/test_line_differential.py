@@ -39,10 +39,12 @@ class End:
         self.q["settled"] = 1
         self.sent: list[tuple[int, Frame]] = []
 
-    def step(self, k: int, currents: Any, hz: float = 50.0) -> None:
-        """Sample k of a sinusoid of these phasors (3,)."""
-        t = np.arange(k - LENGTH + 1, k + 1) / HZ
-        waves = SQRT2 * np.real(np.exp(2j * np.pi * hz * t)[:, None] * np.asarray(currents))
+    def step(self, k: int, currents: Any, hz: float = 50.0, then: Any = None, at_k: int = 0) -> None:
+        """Sample k of a sinusoid of these phasors (3,); of the others from sample ``at_k`` on."""
+        numbers = np.arange(k - LENGTH + 1, k + 1)
+        turn = np.exp(2j * np.pi * hz * numbers / HZ)[:, None]
+        later = (numbers >= at_k)[:, None] if then is not None else False
+        waves = SQRT2 * np.real(turn * np.where(later, currents if then is None else then, currents))
         self.q["recent"]["value"][0, :, 3:6] = waves
         self.q["recent"]["head"] = LENGTH - 1
         self.q["number"], self.q["request"]["made"] = k, 0
@@ -74,8 +76,10 @@ def run(
     delays_ms: tuple[float, float] = (5.0, 5.0),
     samples: int = 960,
     hz: float = 50.0,
+    then: Any = (None, None),
+    at_k: int = 0,
 ) -> list[bool]:
-    """Whether each has wanted to trip, after so many samples."""
+    """Whether each has wanted to trip, after so many samples; other currents flow from ``at_k`` on."""
     line: list[tuple[int, int, Frame]] = []
     wanted = [False, False]
     for k in range(samples):
@@ -84,7 +88,7 @@ def run(
             ends[to].take(due_ns, frame)
         line = [item for item in line if item[0] > t_ns]
         for n, end in enumerate(ends):
-            end.step(k, currents[n], hz)
+            end.step(k, currents[n], hz, then[n], at_k)
             line += [(at + round(delays_ms[n] * MS), 1 - n, frame) for at, frame in end.sent]
             end.sent = []
             wanted[n] |= end.trips
@@ -164,3 +168,36 @@ def test_sets_that_are_missing_make_no_trip() -> None:
         ends[0].step(k, 5000 * TURN)
         assert not ends[0].trips
     assert ends[0].w["losses"][0] == 1
+
+
+@pytest.mark.parametrize(
+    ("then", "outside"),
+    [
+        ((1000j * TURN, -1000j * TURN), True),  # turned
+        ((1500 * TURN, -1500 * TURN), True),
+        ((1500 * TURN, 900 * TURN), False),
+        ((1500 * TURN, -400 * TURN), False),  # one end goes on taking load out
+    ],
+)
+def test_a_fault_outside_is_known_from_the_first_set_on(then: Any, outside: bool) -> None:
+    """Within half a cycle, before a current transformer has had the time to saturate."""
+    ends = End(0), End(1)
+    load = 500 * TURN, -500 * TURN
+    run(ends, load, (0.0, 0.0), samples=480 + 48, then=then, at_k=480)
+    assert [int(end.w["external"][0]) > 0 for end in ends] == [outside, outside]
+
+
+@pytest.mark.parametrize("hz", [47.0, 53.0])
+def test_off_nominal_load_is_no_fault_outside(hz: float) -> None:
+    ends = End(0), End(1)
+    run(ends, THROUGH, samples=480, hz=hz)
+    assert int(ends[0].w["external"][0]) == 0
+
+
+def test_nothing_is_compared_with_a_set_that_never_came() -> None:
+    """The set of instant 0 is none because nobody has written there yet."""
+    ends = End(0), End(1)
+    for k in range(12):
+        ends[0].step(k, 5000 * TURN)
+        give_first(ends[0].node.nodes, 0, ends[0].constants, ends[0].state)
+    assert int(ends[0].w["last"][0]) == -1 and not ends[0].w["count"][0].any()

@@ -101,3 +101,21 @@ def test_sealed_it_has_64_bytes_and_is_taken_once() -> None:
     forged = sealed._replace(data=sealed.data[:40] + bytes([1]) + sealed.data[41:])
     assert receiver.open(13 * MS, forged) is Rejection.TAG
     assert receiver.open(13 * MS, set_at(12)) is Rejection.LENGTH
+
+
+def test_of_three_ends_each_is_told_in_turn_when_its_set_was_heard() -> None:
+    """Whom a set answers is in it: an end takes no other's round trip for its own."""
+    by_channel = HASH | 1 << 16
+    at = RelayNode(0, 0, [1, 2], 1.0, 0.0, linked=[1, 2], agreement=by_channel)
+    for ms in range(0, 40, 5):
+        for other in (1, 2):  # 1 hears of 0 in its sets, 2 only of 1
+            frame = set_at(ms, relay=other, whom=other - 1, heard=0, ago=2000)
+            at.receive((ms + 3) * MS, frame)
+    trips = dict(zip(at.nodes.source["number"].tolist(), at.nodes.source["trip_us"].tolist(), strict=True))
+    assert trips[1] > 0 and trips[2] == 0
+    said = []
+    for ms in range(40, 60, 5):
+        at.nodes.node["set_ns"] = ms * MS
+        at.nodes.own_set["kind"], at.nodes.own_set["time"] = Kind.DIFFERENTIAL, ms * 1000
+        said += [decode(f) for f in at.poll(ms * MS) if f.id == Kind.DIFFERENTIAL]
+    assert [m.whom for m in said if isinstance(m, Differential)] == [2, 1, 2, 1]

@@ -39,7 +39,8 @@ def test_the_alpha_plane_swept() -> None:
 
 @pytest.mark.parametrize("secure", [False, True])
 def test_the_percentage_swept(secure: bool) -> None:
-    """P54x: the threshold of |sum| at each bias, by bisection, against the two lines written as numbers."""
+    """P54x: the threshold of |sum| at each bias, by bisection, against the two lines written as numbers;
+    where a fault outside is known the ratio must be outside 1 : 7.2, too."""
     c = rule(alpha=0)
     first, pickup = (0.7, 240.0) if secure else (0.3, 200.0)
     for bias in (100.0, 500.0, 1000.0, 1999.0, 2001.0, 5000.0, 20000.0):
@@ -50,7 +51,8 @@ def test_the_percentage_swept(secure: bool) -> None:
             a, b = bias + middle / 2, bias - middle / 2
             low, high = (low, middle) if decided(c, a + 0j, -b + 0j, secure=secure) else (middle, high)
         line = first * bias + 200 if bias <= 2000 else 1.5 * bias - (1.5 - first) * 2000 + 200
-        expected = max(line, pickup)
+        # a and a / 7.2 against each other: their sum is 2 * 6.2 / 8.2 of the half-sum of their sizes
+        expected = max(line, pickup, 2 * 6.2 / 8.2 * bias) if secure else line
         if expected < 2 * bias:
             assert low == pytest.approx(expected, rel=1e-9)
 
@@ -101,3 +103,11 @@ def test_secure_is_harder_and_not_blind() -> None:
     c = rule()
     assert decided(c, 1000 + 0j, -155 + 0j) and not decided(c, 1000 + 0j, -155 + 0j, secure=True)
     assert decided(c, 1000 + 0j, 800 + 0j, secure=True)
+
+
+def test_what_a_saturated_transformer_leaves_is_no_fault_while_one_outside_is_known() -> None:
+    """A fifth of the current, 88 degrees late: |sum| is 1.7 of half the sum of sizes, beyond any slope."""
+    c = rule(alpha=0)
+    currents = 10_000 + 0j, -2_000 * cmath.exp(1j * math.radians(88.0))
+    assert decided(c, *currents) and not decided(c, *currents, secure=True)
+    assert decided(c, 10_000 + 0j, 2_000 + 0j, secure=True)

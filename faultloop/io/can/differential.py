@@ -2,9 +2,9 @@
 
 A ``MESSAGE`` of this kind: ``time`` in microseconds of the sender's clock (modulo 2^32), ``counter``,
 ``poles`` the mask of phases that are valid, ``state`` how the clock is synchronized, ``alarms`` a mask of
-`EXTERNAL`, `TRANSFERS`, `BARE`, ``page`` the counter of the last set that was heard, ``st_num`` how long
-before ``time`` that was [us] (0: nothing of late), ``rejected`` the hash of what both ends agree on,
-``values`` real and imaginary parts of ia ib ic [A RMS].
+`EXTERNAL`, `TRANSFERS`, `BARE`, ``page`` the counter of the last set that was heard of relay ``sq_num``,
+``st_num`` how long before ``time`` that was [us] (0: nothing of late), ``rejected`` the hash of what both
+ends agree on, ``values`` real and imaginary parts of ia ib ic [A RMS].
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def encode_set(m: Record, frame: Record) -> None:
     flags = valid | m.state << 3 | (m.alarms & EXTERNAL) << 5 | (m.alarms & TRANSFERS) << 5
     data[3] = flags | m.test << 7
     put_number(data, 4, m.time, 4)
-    data[26] = (m.alarms & BARE) >> 2
+    data[26] = (m.alarms & BARE) >> 2 | (m.sq_num & 0xF) << 1
     data[27] = m.page
     put_number(data, 28, m.rejected, 2)
     put_number(data, 30, m.st_num, 2)
@@ -94,7 +94,7 @@ def decode_set(frame: Record, m: Record) -> int:
     m.rejected = number_at(data, 28, 2)
     m.page = data[27]
     m.st_num = number_at(data, 30, 2)
-    m.sq_num = 0
+    m.sq_num = data[26] >> 1 & 0xF
     for k in range(6):
         raw = number_at(data, 8 + 3 * k, 3)
         m.values[k] = (raw - (1 << 24) if raw >> 23 else raw) * PHASOR_LSB

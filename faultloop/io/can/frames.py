@@ -150,12 +150,22 @@ class Differential(NamedTuple):
     test: bool = False
     heard: int = 0
     ago: int = 0  # [us]
+    whom: int = 0  # which relay was heard
 
     def encode(self) -> Frame:
         frame = new_frame()
         alarms = self.external | self.transfer << 1 | self.bare << 2
         parts = [part for i in self.currents for part in (i.real, i.imag)]
-        head = (Kind.DIFFERENTIAL, self.number, self.time, self.counter, self.valid, self.ago, 0, self.test)
+        head = (
+            Kind.DIFFERENTIAL,
+            self.number,
+            self.time,
+            self.counter,
+            self.valid,
+            self.ago,
+            self.whom,
+            self.test,
+        )
         differential.encode_set_bytes(
             new_message(*head, self.synchronized, alarms, self.agreement, self.heard, *parts), frame
         )
@@ -267,11 +277,11 @@ def _decode_differential(kind: Kind, number: int, frame: Frame) -> Differential 
     if objection:
         return REJECTIONS[objection - 1]
     fields = message_fields(message)
-    _, _, time, counter, valid, ago, _, test, synchronized, alarms, agreement, heard, *parts = fields
+    _, _, time, counter, valid, ago, whom, test, synchronized, alarms, agreement, heard, *parts = fields
     a, b, c = (complex(*parts[2 * k : 2 * k + 2]) for k in range(3))
     bits = (bool(alarms & 1), bool(alarms & 2), bool(alarms & 4))
     return Differential(
-        number, time, (a, b, c), agreement, valid, synchronized, *bits, counter, bool(test), heard, ago
+        number, time, (a, b, c), agreement, valid, synchronized, *bits, counter, bool(test), heard, ago, whom
     )
 
 

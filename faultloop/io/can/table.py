@@ -130,7 +130,8 @@ MESSAGES = (
                 for i, p in enumerate("abc") for j, part in enumerate(("re", "im"))
             ),
             Signal("bare", 208, 1, comment="1: charging is not taken off, as this end has no voltage"),
-            Signal("heard", 216, 8, comment="counter of the last set of the (first) other end ..."),
+            Signal("whom", 209, 4, comment="number of a relay at another end, in turn ..."),
+            Signal("heard", 216, 8, comment="... the counter of its last set ..."),
             Signal("ago", 240, 16, scale=1e-6, unit="s", comment="... heard so long before `time`; 0: none"),
             Signal("agreement", 224, 16, comment="hash of what all ends must have alike"),
         ),

@@ -8,7 +8,7 @@ with their time.  Where the sets of all ends for one instant are there, the rule
 load does not weaken.
 
 - A trip needs `confirm` sets in a row.  A set that is missing is not guessed: the count begins anew.
-- When the restraint jumps while the sum stays below a tenth of that, the fault is outside; for `external_s`
+- When the currents change while their sum stays below a tenth of that, the fault is outside; for `external_s`
   the rules are harder, three times as many sets are needed, and the sequence elements rest.
 - A current that is missing (open CT) takes its phase out at every end.  Charging is taken off with the
   voltage of this end; an end that has none says so, and the other takes its half, too.
@@ -26,11 +26,12 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from faultloop.config.tables import Milliseconds, NonNegative, Positive, Seconds, Table
 from faultloop.jit import njit
-from faultloop.relay.differential import RULE, differential, operates, restraint
+from faultloop.relay.differential import RULE, operates
 from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
 from faultloop.relay.functions.psch import type_of
@@ -49,10 +50,14 @@ REMOTES = 2
 NO_SET = -1
 UNBALANCED = 0.05
 """I2 or I0 over I1, at every end that carries more than the pickup: below it unbalance is an error's."""
-JUMP = 0.25
-"""Of the pickup of a phase, times ten: by so much the restraint grows when a fault begins ..."""
-QUIET = 0.1
-"""... and so much of that the sum may be at most for a fault outside."""
+JUMP = 0.5
+"""Of the pickup of a phase: a change of half the ends' currents that is a fault's, beside ..."""
+OFF_NOMINAL = 0.5
+"""... so much of what flowed before: 4 Hz off 50 Hz a phasor turns by 29 degrees in a cycle."""
+LESS = 0.6
+"""Of what flowed before: a fault outside takes no more than this away."""
+QUIET, LOUD = 0.1, 0.5
+"""Of that change: the sum's is below the first for a fault outside, above the second for one inside."""
 LOST_SETS = 2
 
 SET = np.dtype(
@@ -256,24 +261,33 @@ def sequence_of(c: Record, w: Record, index: int, which: int, out: Any, first: A
 
 @njit
 def watch_outside(c: Record, w: Record, index: int) -> None:
-    """A fault outside: the restraint has jumped against a cycle before, the sum has not."""
+    """A fault outside: all ends' currents have changed against a cycle before, and their sum has not.
+
+    Of complex changes, as a fault may turn the load around and leave sizes alone.  A transformer that
+    saturates after some milliseconds makes the sum grow then; what was found before counts."""
     if c.external == 0:
         return
-    for phase in range(3):
-        gathered(c, w, index, phase, w.currents)
-        bias = restraint(w.currents, 1 + w.remotes) / 2
-        total = abs(differential(w.currents, 1 + w.remotes))
-        before = w.bias[phase, (index + 1) % PER_CYCLE]
-        w.bias[phase, index % PER_CYCLE] = bias
-        grown = bias - before
-        if w.seen >= PER_CYCLE and grown > 10 * JUMP * c.rule[0].pickup and grown > JUMP * before:
-            if w.jump[phase] == 0:
-                w.jump[phase] = 1 if total < QUIET * grown else 2
-        else:
-            w.jump[phase] = 0
-    # every phase that has jumped says so: a fault inside beside one outside is not hidden
+    slot, ends = index % PER_CYCLE, 1 + w.remotes
     outside = inside = 0
     for phase in range(3):
+        gathered(c, w, index, phase, w.currents)
+        total, size, before, now = 0j, 0.0, 0.0, 0.0
+        for k in range(ends):
+            change = w.currents[k] - w.past[phase, slot, k]
+            total += change
+            size += abs(change) / 2
+            before += abs(w.past[phase, slot, k]) / 2
+            now += abs(w.currents[k]) / 2
+            w.past[phase, slot, k] = w.currents[k]
+        less = now < LESS * before  # something was switched off
+        if w.seen < PER_CYCLE or less or size < JUMP * c.rule[0].pickup + OFF_NOMINAL * before:
+            w.jump[phase] = 0
+        elif w.jump[phase] == 0:
+            if abs(total) < QUIET * size:
+                w.jump[phase] = 1
+            elif abs(total) > LOUD * size:
+                w.jump[phase] = 2
+        # every phase that has changed says so: a fault inside beside one outside is not hidden
         outside += w.jump[phase] == 1
         inside += w.jump[phase] == 2
     if outside and not inside and not w.declared:
@@ -377,6 +391,19 @@ def tell(names: Names, was: Any, now: Any) -> Iterator[Event]:
         yield Event(names.sample, "warning", text)
 
 
+def _no_sets() -> NDArray[np.void]:
+    """(SLOTS,) SET: none of any instant, that of number 0 included."""
+    sets = np.zeros(SLOTS, SET)
+    sets["index"] = NO_SET
+    return sets
+
+
+def _no_remotes() -> NDArray[np.void]:
+    remotes = np.zeros(REMOTES, REMOTE)
+    remotes["set"] = _no_sets()
+    return remotes
+
+
 PDIF = Function(
     name="PDIF",
     settings=Pdif,
@@ -406,14 +433,14 @@ PDIF = Function(
         ("silent", "i8"),
         ("losses", "i8"),
         ("count", "i8", (5,)),  # sets in a row outside the restraint: phases, negative, zero sequence
-        ("jump", "i8", (3,)),  # 1: outside, 2: not, while the restraint is grown
-        ("bias", "f8", (3, PER_CYCLE)),
+        ("jump", "i8", (3,)),  # 1: outside, 2: inside, while the currents are changed
+        ("past", "c16", (3, PER_CYCLE, 1 + REMOTES)),
         ("currents", "c16", (1 + REMOTES,)),
         ("first", "c16", (1 + REMOTES,)),
         ("own", SET, (SLOTS,)),
         ("remote", REMOTE, (REMOTES,)),
     ),
-    start={"index": NO_SET, "last": NO_SET},
+    start={"index": NO_SET, "last": NO_SET, "own": _no_sets(), "remote": _no_remotes()},
     bits=("", "NgOp", "ResOp", "ExtFlt", "ChBlk", "OpnCT", "RxTr"),
     tell=tell,
 )
