@@ -18,9 +18,10 @@ BusFaultKind = Literal[
     "bit_error", "babbling", "forging", "bus_off", "restart",
 ]  # fmt: skip
 MessageName = Literal[
-    "trip", "close", "pilot", "transfer", "breaker_status", "sampled_values", "measurements", "heartbeat"
-]
-FORGED = ("trip", "close", "pilot", "transfer", "breaker_status")
+    "trip", "close", "pilot", "transfer", "differential", "breaker_status", "sampled_values", "measurements",
+    "heartbeat",
+]  # fmt: skip
+FORGED = ("trip", "close", "pilot", "transfer", "differential", "breaker_status")
 Content = Literal["random", "replayed", "crafted"]
 
 STAGES = ("loss", "corruption", "delay", "duplication", "reordering")
@@ -98,7 +99,9 @@ class BusFault(Table):
             if key not in self.model_fields_set or getattr(self, key) is None:
                 raise ValueError(f"{self.kind} needs {key}")
         if self.kind == "forging" and self.message not in FORGED:
-            raise ValueError("forging: message must be trip, close, pilot, transfer or breaker_status")
+            raise ValueError(
+                "forging: message must be trip, close, pilot, transfer, differential or breaker_status"
+            )
         return self
 
     @model_validator(mode="after")

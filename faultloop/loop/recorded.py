@@ -44,7 +44,7 @@ Kinds = Mapping[str, Callable[[object], bool]]
 SCENARIO: Mapping[str, Kinds] = {
     "scenario": {"name": _is_text, "duration_s": _is_number},
     "system": {"frequency_hz": _is_frequency, "sampling_hz": _is_positive},
-    "can": {"heartbeat_s": _is_positive},
+    "can": {"heartbeat_s": _is_positive, "keys": _is_text},
     "iec61850": {
         "sampled_values": _is_text,
         "vlan_id": _is_number,

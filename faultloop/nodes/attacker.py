@@ -5,8 +5,8 @@ from __future__ import annotations
 from random import Random
 
 from faultloop.config.bus_fault import BusFault
-from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
-from faultloop.io.can.frames import Frame, State, ticks
+from faultloop.io.can.authentication import PLAIN, SEALED_BYTES, CmacSeal, Seal, unsealed
+from faultloop.io.can.frames import Differential, Frame, State, decode, ticks
 from faultloop.io.can.table import Kind
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.tables import BusTables
@@ -14,6 +14,8 @@ from faultloop.nodes.tables import BusTables
 POLES = {"A": 1, "B": 2, "C": 4, "AB": 3, "BC": 6, "CA": 5, "ABC": 7}
 HEARD = 64
 """Frames that a replaying forger remembers."""
+FORGED_A = 20_000.0
+"""The current of a crafted set of differential data, in each of its poles."""
 
 
 class Attacker:
@@ -76,13 +78,28 @@ class ForgingNode(Attacker):
             self._heard = [*self._heard, frame][-HEARD:]
 
     def _frame(self, t_ns: int) -> Frame | None:
+        differential = self.identifier & ~0xF == Kind.DIFFERENTIAL
         if self.fault.content == "random":
-            if self._seal is PLAIN:
-                return Frame(self.identifier, self._random.randbytes(8))
-            return Frame(self.identifier, self._random.randbytes(32), fd=True, brs=True)
+            plain = 32 if differential else 8
+            length = plain if self._seal is PLAIN else SEALED_BYTES[plain]
+            return Frame(self.identifier, self._random.randbytes(length), fd=length > 8, brs=length > 8)
         if self.fault.content == "replayed":
             return self._random.choice(self._heard) if self._heard else None
-        return self._seal.close(t_ns, self._state(t_ns).encode())
+        message = self._set(t_ns) if differential else self._state(t_ns)
+        return None if message is None else self._seal.close(t_ns, message.encode())
+
+    def _set(self, t_ns: int) -> Differential | None:
+        """The victim's last set with another time and other currents: what both ends agree on is right."""
+        heard = decode(unsealed(self._heard[-1])) if self._heard else None
+        if not isinstance(heard, Differential):
+            return None
+        mask = POLES[self.fault.poles]
+        currents = [complex(FORGED_A if mask >> phase & 1 else 0.0) for phase in range(3)]
+        return heard._replace(
+            time=t_ns // 1000 % 2**32,
+            currents=(currents[0], currents[1], currents[2]),
+            counter=(heard.counter + 1) % 256,
+        )
 
     def _state(self, t_ns: int) -> State:
         """As a publisher that has just started would repeat it: E2E and acceptance find nothing wrong."""

@@ -10,6 +10,7 @@ themselves.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -192,16 +193,21 @@ class Retrace:
         phasors: NDArray[np.float64],
         loops: NDArray[np.float64],
         inputs: NDArray[np.int64],
+        before: Callable[[int], object] | None = None,
     ) -> None:
         """Samples (n, 6) or (n, WIDE) from number ``first`` on, phasors (n, 14), loops (n, 12), and what the
-        relay heard, rows of `RelayInputs` (n, 5)."""
+        relay heard, rows of `RelayInputs` (n, 5); ``before`` each sample is called with its number, for what
+        else comes from outside."""
         n = len(samples)
         words = np.zeros((n, 2), np.uint64)
         shared, zones = np.zeros(n, SHARED), np.zeros((n, self._zones), ZONE)
         kept, heard = 0, inputs.tolist()
         for k in range(n):
             one = slice(k, k + 1)
+            self.relay.sample_count = first + k
             self.relay.set_inputs(RelayInputs(*heard[k]))
+            if before is not None:
+                before(first + k)
             decide(self._constants, self._state, samples[one], phasors[one], loops[one], words[one])
             row = slice(kept, kept + 1)
             if explain(self._constants, self._state, shared[row], zones[row]):

@@ -28,6 +28,7 @@ from faultloop.relay import Relay, RelayInputs, RelaySettings
 from faultloop.relay.explain import Retrace
 from faultloop.relay.layout import Instance
 from faultloop.relay.quantities import WIDE
+from faultloop.review.far_sets import COMPARED, FarSets
 
 NEEDED = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
 ALL_POLES = 7
@@ -49,6 +50,7 @@ class Retraced:
     shared, zones : (n,) and (n, Z), `faultloop.relay.explain.SHARED` and ``ZONE``.
     differs_ns, differs : first sample, and bit, at which this relay decides otherwise than the log says; None
         where it never does.
+    compared : (m,) `faultloop.review.far_sets.COMPARED` of a line differential.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Retraced:
     zones: NDArray[np.void]
     differs_ns: int | None
     differs: str | None
+    compared: NDArray[np.void]
 
 
 def retrace(log: Log, name: str) -> Retraced:
@@ -95,6 +98,8 @@ def _retrace(log: Log, name: str) -> Retraced:
     numbers = samples["sample_count"].astype(np.int64)
     inputs = _inputs(log, name, relay, elements)
     rows = values(samples) if parallel is None else _with_parallel(log, samples, parallel)
+    compares = relay.settings.pdif is not None
+    far = FarSets(log, scenario, relay) if compares and scenario is not None else None
     pieces = np.split(np.arange(len(t_ns)), np.flatnonzero(np.diff(numbers) != 1) + 1)
     for count, piece in enumerate(pieces):
         part = slice(int(piece[0]), int(piece[-1]) + 1)
@@ -109,6 +114,7 @@ def _retrace(log: Log, name: str) -> Retraced:
             turned,
             np.ascontiguousarray(values(loops[part])),
             inputs[part],
+            None if far is None else far.give,
         )
     logged = np.stack([elements["pickup"], elements["operate"]], axis=1)
     shared, zones = run.shared, run.zones
@@ -119,7 +125,7 @@ def _retrace(log: Log, name: str) -> Retraced:
         what = f"{name}: run once more, this version's relay decides otherwise from {at}: what is told is of "
         log.warn(f"{what}this version; {_again(log)}")
     args = (name, relay.settings, relay.instances, run.constants, t_ns[place], shared, zones)
-    return Retraced(*args, differs_ns, differs)
+    return Retraced(*args, differs_ns, differs, np.zeros(0, COMPARED) if far is None else far.compared)
 
 
 def _one_side(rows: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -30,7 +30,7 @@ from faultloop.review.survey import survey
 from faultloop.review.why_stages import Cause
 from faultloop.review.why_zone import Zone, judge_zone
 
-STARTING = ("PDIS", "PSOF", "PIOC", "PTOC", "PTUV", "PTOV", "PTUF", "PTOF", "PFRC")
+STARTING = ("PDIS", "PDIF", "PSOF", "PIOC", "PTOC", "PTUV", "PTOV", "PTUF", "PTOF", "PFRC")
 """The functions that a person expects to operate, and asks of."""
 POLARIZED = {
     SELF: "its own voltage",
@@ -106,6 +106,8 @@ def _reason(
     zero = summary.inception.zero_ns
     operated = [span for span in spans.get(f"{one.name}.Op", []) if span[1] is None or span[1] > zero]
     started = [span for span in spans.get(f"{one.name}.Str", []) if span[1] is None or span[1] > zero]
+    if trip is not None and not operated:  # by an element that has a bit of its own, as PDIF1.NgOp
+        operated = [(trip.decided_ns, None)]
     rows = window(summary, known, name)
     facts = why_stages.Facts(log, one, known, zero, rows, _span(summary, name), started)
     if operated:

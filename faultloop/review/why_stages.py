@@ -28,6 +28,7 @@ Cause = Literal[
     "fuse-failure",
     "blocked",
     "pickup",
+    "restraint",
     "quiet",
 ]
 CURRENTS, VOLTAGES, FREQUENCIES = ("PIOC", "PTOC"), ("PTUV", "PTOV"), ("PTUF", "PTOF")
@@ -77,7 +78,8 @@ class Facts:
 
     @property
     def trips(self) -> bool:
-        return bool(self.constants["trips"])
+        names = self.constants.dtype.names or ()
+        return "trips" not in names or bool(self.constants["trips"])
 
     def timer_ms(self, end_ns: int) -> float | None:
         """For how long it was started at its last start; None where it never was."""
@@ -101,6 +103,8 @@ def middle(m: NDArray[np.float64]) -> float | None:
 def measured(facts: Facts) -> tuple[float, str] | None:
     """Its quantity where it came nearest to operating, over the pickup; and as a text."""
     name, c = facts.one.function.name, facts.constants
+    if name == "PDIF":
+        return _differential(facts)
     if name not in (*CURRENTS, *VOLTAGES, *FREQUENCIES):
         return None
     rows = relay_rows(facts.log, facts.known.name, *facts.span_ns)
@@ -125,6 +129,19 @@ def measured(facts: Facts) -> tuple[float, str] | None:
     return found, f"{found:.2f} of its {'start' if unit == 'V' else 'pickup'}, {limit:.4g} {unit}"
 
 
+def _differential(facts: Facts) -> tuple[float, str] | None:
+    """The greatest sum of all ends' currents."""
+    all_, (first_ns, end_ns) = facts.known.compared, facts.span_ns
+    rows = all_[(all_["t_ns"] >= first_ns) & (all_["t_ns"] <= end_ns)]
+    if not len(rows):
+        return None
+    row, phase = np.unravel_index(int(np.argmax(rows["total"])), rows["total"].shape)
+    total, bias = float(rows["total"][row, phase]), float(rows["bias"][row, phase])
+    pickup = float(facts.constants["rule"][0]["pickup"])
+    size = f"the ends' currents add up to {total:.4g} A in phase {'ABC'[phase]}, half their sizes to"
+    return total / pickup, f"{size} {bias:.4g} A, pickup {pickup:.4g} A"
+
+
 def _sizes(x: NDArray[np.complex128], what: str) -> NDArray[np.float64]:
     """(n, k) sizes of what three phasors (n, 3) are taken as."""
     match what:
@@ -147,12 +164,16 @@ def judge(facts: Facts) -> Verdict | None:
         on, off = facts.started[-1]
         lasted = "still started at the end" if off is None else f"reset after {(off - on) / 1e6:.1f} ms"
         return Verdict("timer", m, f"{where}started, {lasted}, before its time had run")
+    if facts.one.function.name == "PDIF" and found is None:
+        return Verdict("blocked", None, "blocked: the currents of all ends were not there at the same time")
     if found is None or m is None:
         return None
     name, c = facts.one.function.name, facts.constants
     reached = m < 1 if name in ("PTUV", "PTUF") else m > 1
     if not reached:
         return Verdict("pickup", m, f"{where}its pickup was not reached")
+    if name == "PDIF":
+        return Verdict("restraint", m, f"{where}restrained: what flows through is no fault")
     if name in CURRENTS and c["emergency"] and not facts.fuse_failure:
         return Verdict("blocked", m, f"{where}an emergency stage, and no fuse has failed")
     if facts.fuse_failure:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+import faultloop
 from faultloop.cli import call
 from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
@@ -482,3 +483,21 @@ def test_a_relay_that_decides_otherwise_is_told(tmp_path: Path, capsys: pytest.C
     err = capsys.readouterr().err
     assert "R1: run once more, this version's relay decides otherwise from " in err
     assert "(PDIS1): what is told is of this version; a new run, or" in err
+
+
+def test_of_a_line_differential_what_the_ends_compared(root: Path, tmp_path: Path) -> None:
+    """Its inputs from the other end are traced from the log's frames, and decide the same, bit by bit."""
+    both = [f"relay.{name}.settings='settings/ab-differential.toml'" for name in ("RA", "RB")]
+    lossy = ["channel.0.loss=0.05", "channel.0.jitter_ms=0.5"]
+    found: dict[str, Reason] = {}
+    for name, overrides in (("line-differential", lossy), ("both-ends", both)):
+        path = tmp_path / f"{name}.mcap"
+        faultloop.run(root / "scenarios" / f"{name}.toml", log=path, overrides=overrides)
+        log = open_log(path)
+        assert {relay: retrace(log, relay).differs for relay in log.relays} == {"RA": None, "RB": None}
+        found[name] = next(r for r in why(log, summarize(log), "RA") if r.function == "PDIF1")
+    seen, outside = found["line-differential"], found["both-ends"]
+    assert seen.operated and seen.m is not None
+    # 127 kV over 300 ohm and what the network adds: 417 A in phase A, pickup 200 A
+    assert 1.9 < seen.m < 2.3 and "in phase A" in seen.text
+    assert not outside.operated and outside.cause == "pickup" and outside.m is not None and outside.m < 0.5

@@ -1,0 +1,114 @@
+"""What a line differential relay was given by the other ends, again, from the frames of a log.
+
+The frames go through the same channel (its chance is the scenario's) and the same node as in the run, each at
+the time at which the log has it.  What befell a receiver alone (off the bus, restarted) a log does not have.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from faultloop.io.can.authentication import unsealed
+from faultloop.io.can.frames import Differential, Frame, decode
+from faultloop.io.can.table import Kind
+from faultloop.io.mcap_reader import Log
+from faultloop.loop.phasors import give_first
+from faultloop.loop.recorded import recorded_scenario
+from faultloop.loop.scenario import Scenario
+from faultloop.nodes import relay_node
+from faultloop.nodes.channel import Arrivals, new_channels
+from faultloop.nodes.clock import SampleClock
+from faultloop.relay import Relay
+from faultloop.relay.functions.pdif import agreement
+from faultloop.relay.relay import records_of
+
+COMPARED = np.dtype([("t_ns", "i8"), ("total", "f8", (3,)), ("bias", "f8", (3,)), ("external", "i8")])
+"""Of an instant at which all ends' sets were there: when that was [ns since the run's start], of each phase
+the sum of the currents and half the sum of their sizes [A], whether a fault outside was known."""
+FAR = (Kind.PILOT, Kind.TRANSFER, Kind.DIFFERENTIAL)
+"""What goes by a channel."""
+
+
+class FarSets:
+    """The sets of the other ends, for a relay of a log that is run once more.
+
+    Parameters
+    ----------
+    log : with the frames on the bus.
+    scenario : that it is of.
+    relay : by its name the one of the scenario; it has a line differential.
+    """
+
+    def __init__(self, log: Log, scenario: Scenario, relay: Relay) -> None:
+        names = [place.name for place in scenario.relay]
+        number = names.index(relay.name)
+        self._relay = relay
+        self._clock = SampleClock(scenario.system.sampling_hz)
+        self._node = relay_node(scenario, number, agreement=agreement(relay.settings))
+        seed = scenario.scenario.seed
+        self._arrivals = Arrivals(new_channels(scenario.channel, names, seed, only=relay.name))
+        self._own = Kind.DIFFERENTIAL + number
+        sealed = recorded_scenario(log).get("can", {}).get("keys") is not None
+        self._frames: list[tuple[int, Frame]] = []
+        for entry in log.can:
+            if entry.extended or entry.id & ~0xF not in FAR:
+                continue
+            frame = Frame(entry.id, bytes(entry.data), fd=entry.fd)
+            plain = unsealed(frame)
+            if plain is not frame or not sealed:  # where keys are asked for, a plain frame was refused
+                self._frames.append((entry.t_ns, plain))
+        self._next = 0
+        self._last = -1
+        self._compared: list[tuple[int, NDArray[np.float64], NDArray[np.float64], int]] = []
+
+    @property
+    def compared(self) -> NDArray[np.void]:
+        """(n,) ``COMPARED``."""
+        return np.array(self._compared, COMPARED)
+
+    def give(self, number: int) -> None:
+        """To the relay, whatever had arrived by the time of this sample."""
+        t_ns, taken = self._clock.ns(number), False
+        self._look(t_ns)
+        while self._next < len(self._frames) and self._frames[self._next][0] <= t_ns:
+            at_ns, frame = self._frames[self._next]
+            self._next += 1
+            taken |= self._take(at_ns - 1)
+            if frame.id == self._own:
+                self._note(frame)
+            else:
+                self._arrivals.takes(at_ns, frame)
+        if self._arrivals.next_ns <= t_ns:
+            taken |= self._take(t_ns)
+        if taken:
+            give_first(self._node.nodes, self._node.place, *records_of(self._relay))
+
+    def _look(self, t_ns: int) -> None:
+        """At what the sample before has compared."""
+        w = records_of(self._relay)[1]["pdif"][0, 0]
+        last = int(w["last"])
+        if last <= self._last:
+            return
+        self._last = last
+        own = w["own"][last % len(w["own"])]
+        currents = [own["i"]]
+        for far in w["remote"][: int(w["remotes"])]:
+            one = far["set"][last % len(far["set"])]
+            currents.append(one["i"] - own["charging"] * (one["bare"] and not own["bare"]))
+        total, bias = np.abs(np.sum(currents, axis=0)), np.abs(currents).sum(axis=0) / 2
+        self._compared.append((t_ns, total, bias, int(w["external"] > 0)))
+
+    def _take(self, t_ns: int) -> bool:
+        found = [
+            self._node.receive(due_ns, frame)
+            for due_ns, frame in self._arrivals.poll(t_ns)
+            if frame.id & ~0xF == Kind.DIFFERENTIAL
+        ]
+        return any(found)
+
+    def _note(self, frame: Frame) -> None:
+        """When the own set was measured that the other end will say it has heard."""
+        message = decode(frame)
+        if isinstance(message, Differential):
+            self._node.nodes.sent_us[self._node.place, message.counter] = message.time
