@@ -19,8 +19,9 @@ def test_a_weak_end_and_one_end_alone() -> None:
 @pytest.mark.parametrize(
     ("name", "part"),
     [
-        *(("schemes", part) for part in ("internal", "external", "channel", "beginning")),
-        *(("differential", part) for part in ("internal", "external", "channel", "three-ends")),
+        *(("schemes", part) for part in ("internal", "speed", "external", "channel", "beginning")),
+        *(("schemes", part) for part in ("reversal", "poles", "three-ends", "bus")),
+        *(("differential", part) for part in ("internal", "external", "saturation", "channel", "three-ends")),
     ],
 )
 def test_a_part_holds(name: str, part: str) -> None:

@@ -9,17 +9,16 @@ import numpy as np
 
 from faultloop.study.suites.distance.network import LINE
 from faultloop.study.suites.schemes.network import (
+    FAULT_S,
     LENGTH_KM,
     TYPES,
     Case,
     Expected,
     Tables,
-    end,
     fault,
-    line,
     settings,
     single_line,
-    source,
+    three_ended,
 )
 
 PICKUP_A = 200.0
@@ -28,7 +27,6 @@ CAN = {"fd": True}
 QUIET = Expected(False, never="PDIF1 Str")
 NONE = Expected(False)
 TRIP = Expected(True, "PDIF1", 30.0)
-PAIRS = (("RA", "RB"), ("RB", "RC"), ("RA", "RC"))
 BOTH = {"RA": TRIP, "RB": TRIP}
 NOBODY = {"RA": QUIET, "RB": QUIET}
 SATURATING = {
@@ -233,32 +231,26 @@ def channel(quick: bool) -> Iterator[Case]:
 
 def three_ends(quick: bool) -> Iterator[Case]:
     """A line with a tee, 40 km to each end."""
-    names = "ABC"
-    ends = [end(f"R{bus}", f"{bus}T", "from") for bus in names]
-
-    def tables(faults: list[Tables], ohms: tuple[float, ...] = (14.0, 20.0, 40.0)) -> Tables:
-        return {
-            "scenario": {"name": "three ends", "duration_s": 0.2, "seed": 1},
-            "system": {"frequency_hz": 50, "base_kv": 220.0},
-            "source": [source(f"S{bus}", bus, ohm, 4.0 * k) for k, (bus, ohm) in
-                       enumerate(zip(names, ohms, strict=True))],
-            "line": [line(f"{bus}T", bus, "T", 40.0) for bus in names],
-            "relay": [relay for relay, _ in ends],
-            "breaker": [breaker for _, breaker in ends],
-            "channel": [{"from": a, "to": b, "delay_ms": 2.0} for a, b in PAIRS],
-            "can": CAN,
-            "fault": faults,
-        }  # fmt: skip
-
     own = differential(120.0)
     own["pdif"] |= {"b1_us": 0.0, "b0_us": 0.0}
-    all_trip = {f"R{bus}": TRIP for bus in names}
-    nobody = {f"R{bus}": QUIET for bus in names}
-    for bus in names:
+    all_trip = {f"R{bus}": TRIP for bus in "ABC"}
+    nobody = {f"R{bus}": QUIET for bus in "ABC"}
+    for bus in "ABC":
         for type_ in ("AG", "BC") if quick else ("AG", "BC", "CAG", "ABC"):
-            yield Case(f"{type_} inside, leg {bus}", tables([fault(f"{bus}T", 0.5, type_)]), own, all_trip)
-            outside = {"bus": bus, "type": type_, "angle_deg": 0.0, "after_s": 0.06}
-            yield Case(f"{type_} outside at {bus}", tables([outside]), own, nobody)
+            inside = three_ended([fault(f"{bus}T", 0.5, type_)], can=CAN)
+            yield Case(f"{type_} inside, leg {bus}", inside, own, all_trip)
+            outside = {"bus": bus, "type": type_, "angle_deg": 0.0, "after_s": FAULT_S}
+            yield Case(f"{type_} outside at {bus}", three_ended([outside], can=CAN), own, nobody)
+    apart = [{"node": "RB", "offset_us": 80_000.0, "drift_ppm": 50.0, "lost_at_s": 0.0},
+             {"node": "RC", "offset_us": -30_000.0, "drift_ppm": -20.0, "lost_at_s": 0.0}]  # fmt: skip
+    by_channel = {**own, "pdif": own["pdif"] | {"alignment": "channel"}}
+    for where, place, expected in (
+        ("inside, leg C", {"line": "CT", "at_pu": 0.5}, all_trip),
+        ("outside at C", {"bus": "C"}, nobody),
+    ):
+        late = place | {"type": "BC", "start_s": 0.35}
+        tables = three_ended([late], duration_s=0.5, can=CAN, clock=apart)
+        yield Case(f"clocks apart, by the round trips, BC {where}", tables, by_channel, expected)
 
 
 PARTS: dict[str, tuple[str, Callable[[bool], Iterator[Case]]]] = {

@@ -3,17 +3,19 @@
 line      SA --- A ===AB=== B ===BC=== C --- SC          relays RA, RB on AB
 parallel  SA --- A ===L1=== B --- SB                     relays R1A, R1B, R2A, R2B
                  A ===L2=== B
+tee       A, B, C each with a source, 40 km to T         relays RA, RB, RC
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from faultloop.loop.case import CaseOutcome, Cases
+from faultloop.loop.recording import Sink
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import RelaySettings
 from faultloop.study.suites.distance.network import BASE_KV, LINE, Z0_OVER_Z1_OF_SOURCE
@@ -99,9 +101,10 @@ def parallel_lines(
     breaker_ms: tuple[float, float] = (NEVER_MS, NEVER_MS),
     delay_ms: float = CHANNEL_MS,
     duration_s: float = 0.25,
+    load_deg: float = 8.0,
     **more: Any,
 ) -> Tables:
-    """Two equal lines; the breakers of both at A and at B take so long."""
+    """Two equal lines; the breakers of both at A and at B take so long; A's source is so far ahead."""
     ends = [
         end(f"R{n}{bus}", f"L{n}", which, breaker_ms[k])
         for n in (1, 2)
@@ -110,11 +113,42 @@ def parallel_lines(
     return {
         "scenario": {"name": "schemes", "duration_s": duration_s, "seed": 1},
         "system": {"frequency_hz": 50, "base_kv": BASE_KV},
-        "source": [source("SA", "A", ohms[0], 8.0), source("SB", "B", ohms[1])],
+        "source": [source("SA", "A", ohms[0], load_deg), source("SB", "B", ohms[1])],
         "line": [line("L1", "A", "B"), line("L2", "A", "B")],
         "relay": [relay for relay, _ in ends],
         "breaker": [breaker for _, breaker in ends],
         "channel": [{"from": f"R{n}A", "to": f"R{n}B", "delay_ms": delay_ms} for n in (1, 2)],
+        **more,
+    }
+
+
+PAIRS = (("RA", "RB"), ("RB", "RC"), ("RA", "RC"))
+"""Of the relays of three ends."""
+LEG_KM = 40.0
+
+
+def three_ended(
+    faults: list[Tables],
+    channels: Mapping[tuple[str, str], Mapping[str, Any]] | None = None,
+    duration_s: float = 0.2,
+    **more: Any,
+) -> Tables:
+    """A line with a tee, 40 km to each end; relays RA, RB, RC, every two of them with a channel of 2 ms."""
+    ends = [end(f"R{bus}", f"{bus}T", "from") for bus in "ABC"]
+    ohms = (14.0, 20.0, 40.0)
+    return {
+        "scenario": {"name": "three ends", "duration_s": duration_s, "seed": 1},
+        "system": {"frequency_hz": 50, "base_kv": BASE_KV},
+        "source": [
+            source(f"S{bus}", bus, ohm, 4.0 * k) for k, (bus, ohm) in enumerate(zip("ABC", ohms, strict=True))
+        ],
+        "line": [line(f"{bus}T", bus, "T", LEG_KM) for bus in "ABC"],
+        "relay": [relay for relay, _ in ends],
+        "breaker": [breaker for _, breaker in ends],
+        "channel": [
+            {"from": a, "to": b, "delay_ms": 2.0} | dict((channels or {}).get((a, b), {})) for a, b in PAIRS
+        ],
+        "fault": faults,
         **more,
     }
 
@@ -194,11 +228,11 @@ class Bench:
         self._cases = Cases()
         self._settings: dict[str, RelaySettings] = {}
 
-    def outcome(self, case: Case) -> CaseOutcome:
-        """What happens in a case."""
+    def outcome(self, case: Case, sinks: Sequence[Sink] = ()) -> CaseOutcome:
+        """What happens in a case; `sinks` get all of it."""
         scenario = Scenario.from_dict(copy.deepcopy(case.scenario))
         own = {place.name: self._parsed(case.own.get(place.name, case.settings)) for place in scenario.relay}
-        return self._cases.prepare(scenario, own).run()
+        return self._cases.prepare(scenario, own).run(sinks)
 
     def run(self, case: Case) -> list[Row]:
         """A row for each relay of which something is expected."""
