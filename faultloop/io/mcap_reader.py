@@ -157,7 +157,7 @@ class Log:
         message = message_of(topic)
         if topic not in self._channels or message is None:
             ours = [name for name in self.topics if message_of(name)]
-            raise InputError(f"no topic of that name; {nearest(topic, ours)}", file=self.path, key=topic)
+            raise InputError(f"no topic of ours; {nearest(topic, ours)}", file=self.path, key=topic)
         if from_ns is not None or to_ns is not None:
             span = (-MOST_NS if from_ns is None else from_ns, MOST_NS if to_ns is None else to_ns)
             rows = self._rows(topic, message, self._segments_in(*span))

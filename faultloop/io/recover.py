@@ -114,8 +114,10 @@ class Salvage:
         begin = end = 0
         for record in walk(records):
             end = record.stop
-            if not self._sound(record, records, self.size - begin) or not (
-                sealed or self._readable(record, records)
+            if not (
+                (sealed or said_again(self.known, record, records))
+                and self._sound(record, records, self.size - begin)
+                and (sealed or self._readable(record, records))
             ):
                 self.result.left_out(self._what(record, records))
                 self._keep(records, begin, record.start - RECORD_HEAD.size)
@@ -277,6 +279,18 @@ class Salvage:
         except DAMAGE:
             kind = OTHER_RECORDS.get(record.opcode, "a record of no kind that belongs there")
             self.result.left_out(f"{kind} at byte {record.start} is damaged and left out")
+
+
+def said_again(known: Summary, record: Raw, records: Buffer) -> bool:
+    """Whether a schema or a channel is what the summary, which has a checksum, says again."""
+    if record.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+        return True
+    kind, again = (Schema, known.schemas) if record.opcode == Opcode.SCHEMA else (Channel, known.channels)
+    try:
+        found = parse(kind, records[record.start : record.stop])
+    except DAMAGE:
+        return False
+    return all(one == found for one in again if one.id == found.id)
 
 
 OTHER_RECORDS: dict[int, str] = {
