@@ -217,7 +217,8 @@ class ClosedLoop:
             return ()
         own["changed"] = 0
         told = [(int(bank.notice[k, 1]), bank.told[k : k + 1]) for k in mine]
-        return self.relays[number].told(int(self._now["base"]), bank.words[number, :count], told)
+        first, words = int(self._now["base"]), bank.words[number, :count]
+        return self.relays[number].told(first, words, told, texts=self.recorder.wants_texts)
 
     def _make_room(self, count: int) -> None:
         """The rows after the first `count` are the first ones from now on."""

@@ -141,12 +141,18 @@ class Fold:
     """Takes messages (it is a sink of a run, too) and gives what they come to.
 
     Messages of one topic must come in order of time, topics in any order.
+
+    Parameters
+    ----------
+    cast : who is who.
+    texts : whether the outcome's `events` are wanted.
     """
 
     wants_blocks = False
 
-    def __init__(self, cast: Cast) -> None:
+    def __init__(self, cast: Cast, *, texts: bool = True) -> None:
         self._cast = cast
+        self.wants_texts = texts
         self._trips: list[TripReport] = []
         self._faults: list[FaultChange] = []
         self._events: list[EventText] = []

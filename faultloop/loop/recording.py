@@ -79,6 +79,8 @@ _KINDS: Mapping[str, Message] = {
 class MemorySink:
     """Keeps the blocks, for `Result.samples()` and its like where there is no log to read them from."""
 
+    wants_texts = False
+
     def __init__(self) -> None:
         self._blocks: dict[str, list[tuple[np.ndarray, ...]]] = {}
         self.bits: dict[str, tuple[str, ...]] = {}
@@ -151,6 +153,8 @@ class Recorder:
     def __init__(self, sinks: Sequence[Sink], counts: Callable[[np.ndarray], None] | None = None) -> None:
         self.sinks = list(sinks)
         self.counts = counts
+        self.wants_texts = any(getattr(sink, "wants_texts", True) for sink in self.sinks)
+        """Whether anybody takes the lines that a person reads."""
 
     @property
     def wants_blocks(self) -> bool:
@@ -176,7 +180,8 @@ class Recorder:
 
     def event(self, topic: str, t_ns: int, level: str, text: str, name: str) -> None:
         """A line that a person reads."""
-        self.message(topic, t_ns, "foxglove.Log", level=self._LEVELS[level], message=text, name=name)
+        if self.wants_texts:
+            self.message(topic, t_ns, "foxglove.Log", level=self._LEVELS[level], message=text, name=name)
 
     def trip(self, relay: str, t_ns: int, sample_count: int, trip: Trip) -> None:
         """A relay's decision."""

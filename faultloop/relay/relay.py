@@ -27,6 +27,8 @@ from faultloop.relay.texts import change_texts
 from faultloop.relay.users import load_elements
 
 Array = NDArray[np.float64]
+Words = NDArray[np.uint64]
+Notices = Sequence[tuple[int, NDArray[np.void]]]
 FIRST_CAPACITY = 512
 ESTIMATORS = "faultloop.estimators"
 """Group of entry points."""
@@ -214,12 +216,11 @@ class Relay:
         self._estimate(self._estimator_state, samples, phasors)
         measure(self._measure_constants, self._measure_state, phasors, loops)
 
-    def told(
-        self, first: int, words: NDArray[np.uint64], notices: Sequence[tuple[int, NDArray[np.void]]]
-    ) -> list[Event]:
+    def told(self, first: int, words: Words, notices: Notices, *, texts: bool = True) -> list[Event]:
         """Events of samples from number ``first`` on: where one of ``words`` (n, 2) differs from the one
-        before, and what the functions tell at the samples of ``notices``, from the relay's state then."""
-        events = self._changes(first, words)
+        before (only with ``texts``), and what the functions tell at the samples of ``notices``, from the
+        relay's state then."""
+        events = self._changes(first, words) if texts else []
         for sample, state in notices:
             events += self._notices(sample, state)
         return sorted(events, key=attrgetter("sample_count"))  # of one sample the changes first
@@ -271,7 +272,7 @@ class Relay:
             # the block has stopped at that sample
             self.events += self._notices(self.sample_count + done - 1, self._state)
 
-    def _changes(self, first: int, words: NDArray[np.uint64]) -> list[Event]:
+    def _changes(self, first: int, words: Words) -> list[Event]:
         """Lines for the bits that change in rows of words, of samples from number ``first`` on."""
         events = []
         different = np.ones(len(words), np.bool_)  # the first one is looked at in any case

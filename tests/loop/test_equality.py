@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from faultloop.loop.case import Cases
+from faultloop.loop.scenario import load_scenario
 
 
 def bench() -> Any:
@@ -36,3 +38,13 @@ def test_random_cases(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_random_cases_of_all_kinds(tmp_path: Path) -> None:
     assert_equal(range(500), tmp_path, bench().ESTIMATORS)
+
+
+def test_without_texts_a_case_is_the_same(root: Path) -> None:
+    """The lines for a person are not made for a table."""
+    scenario, cases = load_scenario(root / "scenarios" / "single-pole-trip.toml"), Cases()
+    whole, bare = cases.prepare(scenario).run(), cases.prepare(scenario).run(texts=False)
+    assert whole.trips
+    assert whole.events
+    assert bare == replace(whole, events=[])
+    assert cases.prepare(scenario).run() == whole

@@ -148,7 +148,7 @@ class Job:
         try:
             case = self.plan.made(number, values)
             sinks = [] if self.waves is None else [MemorySink()]
-            outcome = self._cases_for(values).prepare(case.scenario, case.settings).run(sinks)
+            outcome = self._cases_for(values).prepare(case.scenario, case.settings).run(sinks, texts=False)
             row = row_of(self.plan, self.schema, case, outcome)
             return row, None if self.waves is None else self.waves.of(case.scenario, sinks[0])
         except InputError as error:
