@@ -270,7 +270,7 @@ def _relay_warnings(
 
 
 ORDINARY = ("PTRC", "LPHD1 not ready, zones blocked: a pole has opened")
-"""How texts begin that stand in the log of every trip: nothing to warn of."""
+"""How warnings begin that are in the log of every trip, the second of older ones: nothing to warn of."""
 
 
 def _noted(log: Log, events: list[Event]) -> list[str]:

@@ -96,7 +96,8 @@ def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
         text = f"LPHD1 no current of phase {phases} beside the others': its loops, and to ground, are blocked"
         yield Event(names.sample, "warning", text)
     else:
-        yield Event(names.sample, "warning", f"LPHD1 not ready, zones blocked: {CAUSES[int(now['cause'])]}")
+        level = "info" if now["cause"] == OPENED else "warning"  # it follows every trip
+        yield Event(names.sample, level, f"LPHD1 not ready, zones blocked: {CAUSES[int(now['cause'])]}")
 
 
 LPHD = Function(
