@@ -33,6 +33,7 @@ from faultloop.io.mcap_file import (
     decompress,
     forget_pages,
     parse,
+    record_bytes,
     unpack,
     walk,
 )
@@ -282,7 +283,8 @@ class Salvage:
 
 
 def said_again(known: Summary, record: Raw, records: Buffer) -> bool:
-    """Whether a schema or a channel is what the summary, which has a checksum, says again."""
+    """Whether a schema or a channel is what the summary, which has a checksum, says again, and no longer than
+    what it says: behind it in a record whose length is wrong lie messages."""
     if record.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
         return True
     kind, again = (Schema, known.schemas) if record.opcode == Opcode.SCHEMA else (Channel, known.channels)
@@ -290,7 +292,8 @@ def said_again(known: Summary, record: Raw, records: Buffer) -> bool:
         found = parse(kind, records[record.start : record.stop])
     except DAMAGE:
         return False
-    return all(one == found for one in again if one.id == found.id)
+    size = len(record_bytes(found)) - RECORD_HEAD.size
+    return size == record.stop - record.start and all(one == found for one in again if one.id == found.id)
 
 
 OTHER_RECORDS: dict[int, str] = {
