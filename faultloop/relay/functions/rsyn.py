@@ -24,7 +24,7 @@ from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
-from faultloop.relay.quantities import Record, indicate
+from faultloop.relay.quantities import Record, indicate, nominal_turn
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -144,7 +144,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         q.release = -1
         w.age = 0
         return
-    turn = math.sqrt(2.0) * q.turn.conjugate()
+    turn = math.sqrt(2.0) * nominal_turn(g, q.memory.seen).conjugate()
     smooth(c, w, 0, q.sample, turn)
     smooth(c, w, 1, q.across, turn)
     own, other = w.stage[0, 0, STAGES - 1], w.stage[1, 0, STAGES - 1]
