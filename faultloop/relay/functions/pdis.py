@@ -56,10 +56,11 @@ CROSS_PHASE = complex(0, -(3**0.5))
 SELF_OFFSET = 0.05
 HYSTERESIS = 1.05
 OUTSIDE = np.inf
-DOUBT, STAYS = 4.0, 0.5
-"""How much what the fit leaves counts against the depth; the part that does however long it is inside.  Two
-means leave half of what one does of noise, and the depth is no better for it: with 2 one of 56 faults on the
-parallel line was inside (bench/security.py, seed 4711, case 28), with 4 none, nor of 130 of other seeds."""
+YOUNG, DOUBT, STAYS = 4.0, 2.0, 0.5
+"""How much what the fit leaves counts against the depth: in the first cycle inside, then, and the part of it
+that does however long it is inside.  Two means leave half of what one does of noise, and the depth is no
+better for it: with 2 one of 56 faults on the parallel line was inside at first (bench/security.py, seed 4711,
+case 28)."""
 BY_PHASORS = 0.0
 POINTS = 73
 
@@ -348,7 +349,7 @@ def doubt(g: Record, q: Record, w: Record) -> float:
     ratio = weakness(g, q)
     if ratio > 0.0:
         return DOUBT if is_believed(g, q, ratio) or is_believed_centred(g, q, ratio) else np.inf
-    return DOUBT * min(1.0, max(g.cycle / w.inside, STAYS))
+    return YOUNG if w.inside < g.cycle else DOUBT * max(g.cycle / w.inside, STAYS)
 
 
 @njit
