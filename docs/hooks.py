@@ -19,6 +19,11 @@ from mkdocs.structure.files import File
 ROOT = Path(__file__).resolve().parent.parent
 SHOWN = ("ag-zone1", "weak-source", "zone2-remote-end", "evolving-fault", "parallel-lines", "reclosing")
 """Scenarios of the gallery; the first one's page, too."""
+IMPORTED = {
+    "testobject.rio": "--z1 2.079,9.781",
+    "abb.xrio": "--z1 4.158,19.563 --z0 14.138,66.514 --frequency 50",
+}
+"""Settings files of the tests, and what must be given beside each."""
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -64,7 +69,25 @@ def _gallery() -> list[tuple[str, bytes | str]]:
                 made.append((f"gallery/{name}.html", target.with_suffix(".html").read_bytes()))
                 lines += [f"[Its page](gallery/{name}.html), as `review --html` makes it.", ""]
             lines += [f"![{name}](gallery/{name}.png)", ""]
+        lines += ["## Settings of other tools", "", "The same zones, from files of two formats.", ""]
+        for name, given in IMPORTED.items():
+            target = Path(folder) / f"{name}.png"
+            _imported(ROOT / "tests" / "interchange" / "line-7" / name, given, target)
+            made.append((f"gallery/{target.name}", target.read_bytes()))
+            lines += [f"    faultloop import {name} {given} --png zones.png", ""]
+            lines += [f"![{name}](gallery/{target.name})", ""]
     return [*made, ("gallery.md", "\n".join(lines))]
+
+
+def _imported(path: Path, given: str, target: Path) -> None:
+    """The picture that ``faultloop import`` makes."""
+    import contextlib
+    import io
+
+    from faultloop.cli import call
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert call(["import", str(path), *given.split(), "--png", str(target)]) == 0
 
 
 def _said(text: str) -> str:

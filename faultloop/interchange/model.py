@@ -36,7 +36,9 @@ class Zone:
     ----------
     number, name : as the file has them.
     reach : complex, along the characteristic's angle, always into the first or second quadrant.
-    resistive : of a quadrilateral in the impedance plane; None for a mho.
+    resistive : of a quadrilateral, the fault's own: half the arc between two phases, or to ground; None for a
+        mho.
+    drawn : it is of a shape in the impedance plane instead, where one to ground is divided by ``|1 + k0|``.
     tilt_deg : of its reactance line, positive where it falls towards the resistive side.
     differs : part of its area by which it misses the file's own shape.
     shape : the corners of the file's own shape, where it draws one.
@@ -50,6 +52,7 @@ class Zone:
     delay_s: float | None
     trips: bool = True
     resistive: float | None = None
+    drawn: bool = False
     tilt_deg: float = 0.0
     differs: float = 0.0
     shape: tuple[complex, ...] = ()
@@ -129,6 +132,6 @@ class Taken:
         self.zones.append(
             Zone(
                 number, name, loops, direction, cmath.rect(fitted.reach, along), delay_s, trips,
-                fitted.resistive, fitted.tilt_deg, fitted.differs, tuple(points),
+                fitted.resistive, True, fitted.tilt_deg, fitted.differs, tuple(points),
             )
         )  # fmt: skip

@@ -48,11 +48,12 @@ def _zone(zone: Zone, one_plus_k0: float) -> dict[str, Any]:
         "angle_deg": _short(math.degrees(cmath.phase(zone.reach))),
     }
     if zone.resistive is not None:
-        # In the plane a resistance to ground is divided by |1 + k0|; ours is the fault's own.
         found |= {"characteristic": "quad", "tilt_deg": _short(zone.tilt_deg)}
         found["resistive_reach_ohm"] = _short(zone.resistive)
         if zone.loops != "phase":
-            found["resistive_reach_ground_ohm"] = _short(zone.resistive * one_plus_k0)
+            found["resistive_reach_ground_ohm"] = _short(
+                zone.resistive * (one_plus_k0 if zone.drawn else 1.0)
+            )
     if zone.delay_s is not None:
         found["delay_ms"] = _short(1e3 * zone.delay_s)
     return found

@@ -126,7 +126,7 @@ def _abb(taken: Taken, found: Parameters, used: set[tuple[str, ...]]) -> None:
 
 
 def _micom(taken: Taken, found: Parameters, used: set[tuple[str, ...]]) -> None:
-    """The group that is active; reaches and resistances in secondary ohm."""
+    """The active group; reaches in secondary ohm, resistances in such of a loop; zone 4 looks back."""
     everywhere = _Values(found, used)
     active = everywhere.text("Active Settings")
     groups = sorted({name for path in found for name in path if re.fullmatch(r"GROUP \d", name, re.I)})
@@ -165,8 +165,19 @@ def _micom(taken: Taken, found: Parameters, used: set[tuple[str, ...]]) -> None:
             resistance = values.number(f"R{n} {short} {resistive}")
             delay = values.number(f"tZ{n} {short} Delay")
             loops_of: Loops = "phase" if loops == "phase" else "ground"
-            plane = None if resistance is None else resistance / (2.0 if loops == "phase" else 1.0)
+            own = None if resistance is None else resistance / (2.0 if loops == "phase" else 1.0)
             point, name = cmath.rect(reach, along), f"{n} {loops}"
-            taken.zones.append(Zone(n, name, loops_of, "forward", point, delay, delay is not None, plane))
+            taken.zones.append(
+                Zone(
+                    n,
+                    name,
+                    loops_of,
+                    "reverse" if n == 4 else "forward",
+                    point,
+                    delay,
+                    delay is not None,
+                    own,
+                )
+            )
             if resistance is None:
                 taken.noted.append(f"zone {n} {loops}: a mho; by memory polarized, unless changed")

@@ -61,13 +61,17 @@ def draw_zones(settings: RelaySettings, title: str = "", outlines: Sequence[Outl
         for number, zone in enumerate(settings.pdis):
             points = polygons(settings, zone)[place] / settings.ohm_ratio
             if len(points):
-                name = f"PDIS{number + 1}, zone {zone.zone}, {zone.delay_ms:g} ms"
-                _closed(axes, points, name, COLOURS[number % len(COLOURS)], number)
+                name = f"PDIS{number + 1}: zone {zone.zone}, {zone.delay_ms:g} ms"
+                _closed(axes, points, name, COLOURS[(zone.zone - 1) % len(COLOURS)], number)
         for outline in outlines:
             if outline.loops in (loops, "all"):
                 corners = np.array([*outline.corners, outline.corners[0]], np.complex128)
                 axes.plot(corners.real, corners.imag, color=MEANT, lw=1.1, ls=(0, (4, 3)), zorder=4)
         _frame(axes, settings, bool(outlines))
+    named = {
+        text: line for axes in both for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend([*named.values()], [*named], loc="outside lower left", ncols=4, fontsize=8.5, frameon=False)
     return figure
 
 
@@ -86,4 +90,3 @@ def _frame(axes: Axes, settings: RelaySettings, outlined: bool) -> None:
     axes.set_aspect("equal", adjustable="box")
     axes.set_xlabel(f"R [Ω {settings.relay.ohms}]")
     axes.set_ylabel(f"X [Ω {settings.relay.ohms}]")
-    axes.legend(loc="upper left", fontsize=8, frameon=False)

@@ -441,13 +441,13 @@ def _quad(settings: RelaySettings, zone: Pdis, reach: complex, ground: bool) -> 
     right, left = reach + resistance * along, reach - resistance * along
     if zone.direction == "none":
         return np.array([right, left, -right, -left, right])
-    low = -math.tan(math.radians(settings.rdir.minimum_angle_deg)) * resistance
-    border = complex(np.exp(1j * math.radians(settings.rdir.maximum_angle_deg)))
+    low, border = np.exp(1j * np.radians([-settings.rdir.minimum_angle_deg, settings.rdir.maximum_angle_deg]))
     if _cross(left, border) > 0:  # the left blinder comes first; it goes down to the directional border
         corners = [left, left - reach * _cross(left, border) / _cross(reach, border)]
     else:
         corners = [reach - along * _cross(reach, border) / _cross(along, border)]
-    return np.array([0j, complex(resistance, low), right, *corners, 0j])
+    below = low * _cross(resistance, reach) / _cross(low, reach)  # where the right blinder ends
+    return np.array([0j, below, right, *corners, 0j])
 
 
 def _cross(a: complex, b: complex) -> float:
