@@ -105,7 +105,7 @@ class Relay:
 
     @property
     def fault_location(self) -> float:
-        """Distance of the last fault that started a zone, per unit of the line; NaN where there is none."""
+        """Distance of the last fault that was located, per unit of the line; NaN where there is none."""
         return float(self._state["rflo"]["value"][0, 0])
 
     def characteristics(self) -> dict[str, tuple[Polygon, Polygon]]:

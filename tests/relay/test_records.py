@@ -33,9 +33,11 @@ def test_sel311l_c_g(records: Path, root: Path) -> None:
     samples = np.sqrt(2) * np.column_stack([*(1e3 * x[5:8]), *x[0:3]])
     relay = Relay(settings_file(root, "sel311l-c-g"))
     events = play(relay, samples)
-    starts = {e.text.split()[0]: e for e in events if " Str " in e.text and "reset" not in e.text}
+    starts = {e.text.split()[0]: e for e in events if " Str" in e.text and "reset" not in e.text}
     zone_2_ground = f"PDIS{[(z.zone, z.loops) for z in relay.settings.pdis].index((2, 'ground')) + 1}"
-    assert set(starts) == {zone_2_ground}
+    assert set(starts) == {zone_2_ground, "PTOC1", "PTOC2"}
+    for stage, known_s in (("PTOC1", 0.0531), ("PTOC2", 0.0615)):  # 51G and 67P1
+        assert starts[stage].sample_count / 960 == pytest.approx(known_s, abs=0.002)
     assert starts[zone_2_ground].text.endswith("CG forward")
     assert starts[zone_2_ground].sample_count / 960 == pytest.approx(0.074, abs=0.008)
     assert relay.fault_location == pytest.approx(0.84, abs=0.02)

@@ -62,9 +62,9 @@ def estimate(g: Record, q: Record, c: Record, loop: int, k0: complex) -> float:
 
 @njit
 def start(w: Record, fault: int) -> None:
-    """A fault: forget the one before.  Another type of it: the answer stands until there is a new one."""
+    """A fault, or another type of it: the answer before stands until there is a new one."""
     if w.fault == 0:
-        w.value = np.nan
+        w.found = 0
     w.fault = fault
     w.count = 0
     w.best_spread = np.inf
@@ -72,10 +72,10 @@ def start(w: Record, fault: int) -> None:
 
 @njit
 def finish(q: Record, w: Record) -> None:
-    """All zones have reset: the answer stands until the next fault."""
+    """All zones have reset: the answer stands until the next fault that can be located."""
     if w.fault != 0:
         w.fault = 0
-        if w.value == w.value:
+        if w.found:
             w.told += 1
             q.notices += 1
 
@@ -102,6 +102,7 @@ def locate(g: Record, q: Record, c: Record, w: Record) -> None:
     w.spread += gain * (abs(m - w.mean) - w.spread)
     if w.count * 2 >= g.cycle and w.spread <= 1.1 * w.best_spread:
         w.value = w.mean
+        w.found = 1
         w.best_spread = min(w.spread, w.best_spread)
 
 
@@ -134,6 +135,7 @@ RFLO = Function(
         ("count", "i8"),
         ("best_spread", "f8"),
         ("value", "f8"),  # the answer, per unit of the line
+        ("found", "i8"),  # it is of this fault
         ("fault", "i8"),  # the type it is for; 0 between faults
         ("told", "i8"),  # faults located so far
     ),
