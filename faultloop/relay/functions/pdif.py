@@ -7,11 +7,12 @@ with their time.  Where the sets of all ends for one instant are there, the rule
 (`faultloop.relay.differential`): each phase, and the negative- and zero-sequence currents of the ends, which
 load does not weaken.
 
-- A trip needs `confirm` sets in a row.  A set that is missing is not guessed: the count begins anew.
+- A trip needs `confirm` sets in a row.  A set that is missing is not guessed: two are passed over, after more
+  the count begins anew.
 - When the currents change while their sum stays below a tenth of that, the fault is outside; for `external_s`
   the rules are harder, three times as many sets are needed, and the sequence elements rest.
-- A current that is missing (open CT) takes its phase out at every end.  Charging is taken off with the
-  voltage of this end; an end that has none says so, and the other takes its half, too.
+- A current that is missing (open CT) takes its phase out at every end (`faultloop.relay.changes`).  Charging
+  is taken off with the voltage of this end; an end that has none says so, and the other takes its half, too.
 - Each set says by which rule it is meant (a hash of what both ends must agree on); a set of another
   line, or of other settings, is refused before it gets here, and so is one that is old, or twice there.
 - A trip is told to the others, which then trip, too (`transfer`): an end that has all currents decides.
@@ -31,6 +32,7 @@ from pydantic import Field, model_validator
 
 from faultloop.config.tables import Milliseconds, NonNegative, Positive, Seconds, Table
 from faultloop.jit import njit
+from faultloop.relay.changes import watch_circuits, watch_outside
 from faultloop.relay.differential import RULE, operates
 from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
@@ -48,17 +50,13 @@ SLOTS = 16
 """Sets that are kept: two cycles, and so the longest delay that is bridged."""
 REMOTES = 2
 NO_SET = -1
+NEVER = NO_SET - PER_CYCLE
+"""No set's number is a cycle after it."""
 UNBALANCED = 0.05
 """I2 or I0 over I1, at every end that carries more than the pickup: below it unbalance is an error's."""
-JUMP = 0.5
-"""Of the pickup of a phase: a change of half the ends' currents that is a fault's, beside ..."""
-OFF_NOMINAL = 0.5
-"""... so much of what flowed before: 4 Hz off 50 Hz a phasor turns by 29 degrees in a cycle."""
-LESS = 0.6
-"""Of what flowed before: a fault outside takes no more than this away."""
-QUIET, LOUD = 0.1, 0.5
-"""Of that change: the sum's is below the first for a fault outside, above the second for one inside."""
 LOST_SETS = 2
+"""In a row, that are passed over: neither for a fault nor against it.  A spell that is too short for a trip
+has no more sets when some of them are lost; and two spells are one only where all sets between them are."""
 
 SET = np.dtype(
     [
@@ -107,9 +105,12 @@ class Pdif(Table):
     sequence_ms: Milliseconds = 20.0
     """So long they must last."""
     confirm: Annotated[int, Field(ge=1, le=16)] = 3
-    """Sets in a row, 8 a cycle, that a trip needs."""
+    """Sets in a row, 8 a cycle, that a trip needs; up to two that are missing are passed over."""
     external_s: Seconds = 1.0
     """So long after a fault outside has begun the rules are harder; 0: never."""
+    open_ct: Literal["block", "trip"] = "block"
+    """A phase whose current one end has lost while nothing else changed: "block" takes it out at every end,
+    and the sequence elements; with "trip" a load above the pickup trips."""
     b1_us: NonNegative = 0.0
     """Of the whole line, positive sequence: with it charging is taken off."""
     b0_us: NonNegative = 0.0
@@ -132,7 +133,7 @@ class Pdif(Table):
 
 AGREED = (
     "pickup_a", "characteristic", "alpha_ratio", "alpha_angle_deg", "slope1", "slope2", "knee_a",
-    "negative_a", "zero_a", "sequence", "confirm", "alignment", "b1_us", "b0_us", "transfer",
+    "negative_a", "zero_a", "sequence", "confirm", "open_ct", "alignment", "b1_us", "b0_us", "transfer",
     "identification",
 )  # fmt: skip
 """What all ends must have alike."""
@@ -173,6 +174,7 @@ def values(settings: RelaySettings, table: Pdif) -> dict[str, Any]:
         "sequence_sets": max(round(table.sequence_ms * 1e-3 * PER_CYCLE * settings.relay.frequency_hz), 1),
         "confirm": table.confirm,
         "external": settings.samples(table.external_s * 1e3),
+        "open_blocks": table.open_ct == "block",
         "b1": table.b1_us * 1e-6 / 2,
         "b0": table.b0_us * 1e-6 / 2,
         "transfer": table.transfer,
@@ -260,51 +262,31 @@ def sequence_of(c: Record, w: Record, index: int, which: int, out: Any, first: A
 
 
 @njit
-def watch_outside(c: Record, w: Record, index: int) -> None:
-    """A fault outside: all ends' currents have changed against a cycle before, and their sum has not.
-
-    Of complex changes, as a fault may turn the load around and leave sizes alone.  A transformer that
-    saturates after some milliseconds makes the sum grow then; what was found before counts."""
-    if c.external == 0:
-        return
+def compare(c: Record, w: Record, index: int) -> None:
+    """The currents of all ends against those of a cycle before, where that set was complete, too."""
     slot, ends = index % PER_CYCLE, 1 + w.remotes
-    outside = inside = 0
+    known = w.past_index[slot] == index - PER_CYCLE
     for phase in range(3):
         gathered(c, w, index, phase, w.currents)
-        total, size, before, now = 0j, 0.0, 0.0, 0.0
         for k in range(ends):
-            change = w.currents[k] - w.past[phase, slot, k]
-            total += change
-            size += abs(change) / 2
-            before += abs(w.past[phase, slot, k]) / 2
-            now += abs(w.currents[k]) / 2
+            w.before[phase, k] = w.past[phase, slot, k]
+            w.change[phase, k] = w.currents[k] - w.past[phase, slot, k]
             w.past[phase, slot, k] = w.currents[k]
-        less = now < LESS * before  # something was switched off
-        if w.seen < PER_CYCLE or less or size < JUMP * c.rule[0].pickup + OFF_NOMINAL * before:
-            w.jump[phase] = 0
-        elif w.jump[phase] == 0:
-            if abs(total) < QUIET * size:
-                w.jump[phase] = 1
-            elif abs(total) > LOUD * size:
-                w.jump[phase] = 2
-        # every phase that has changed says so: a fault inside beside one outside is not hidden
-        outside += w.jump[phase] == 1
-        inside += w.jump[phase] == 2
-    if outside and not inside and not w.declared:
-        w.external = c.external
-        w.declared = 1
-    if not outside:
-        w.declared = 0
+    w.past_index[slot] = index
+    if known and c.external:
+        watch_outside(c, w, ends)
+    if known and c.open_blocks:
+        watch_circuits(c, w, ends)
 
 
 @njit
 def judge(c: Record, w: Record, index: int) -> None:
     """The rules on a complete set: counts for each phase and for the two sequence elements."""
     n = 1 + w.remotes
-    watch_outside(c, w, index)
-    valid = w.own[index % SLOTS].valid
+    compare(c, w, index)
+    valid = w.own[index % SLOTS].valid & ~w.opened[0]
     for k in range(w.remotes):
-        valid &= w.remote[k].set[index % SLOTS].valid
+        valid &= w.remote[k].set[index % SLOTS].valid & ~w.opened[1 + k]
     secure = w.external > 0
     for phase in range(3):
         gathered(c, w, index, phase, w.currents)
@@ -317,7 +299,6 @@ def judge(c: Record, w: Record, index: int) -> None:
             outside = more and operates(c.rule[which], w.currents, n, False)
         w.count[2 + which] = w.count[2 + which] + 1 if outside else 0
     w.last = index
-    w.seen += 1
     w.age = 0
 
 
@@ -343,12 +324,11 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     first = max(w.last + 1, w.index - SLOTS + 1)
     for k in range(first, w.index + 1):
         if complete(w, k) and not blocked:
-            if k != w.last + 1:
+            if k > w.last + 1 + LOST_SETS:
                 reset(w)
             judge(c, w, k)
     w.age += 1
-    sets_missing = w.index - w.last > LOST_SETS + SLOTS // 2
-    if sets_missing or blocked:
+    if w.age * PER_CYCLE > (LOST_SETS + 1) * g.cycle or blocked:
         reset(w)
     poles = 0
     needed = 3 * c.confirm if w.external > 0 else c.confirm
@@ -378,7 +358,10 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     q.operate |= np.uint64(zero) << np.uint64(c.bit + 2)
     indicate(q, c.bit + 3, w.external > 0)
     indicate(q, c.bit + 4, silent or blocked)
-    indicate(q, c.bit + 5, (7 & ~w.own[w.index % SLOTS].valid) != 0)
+    opened = w.opened[0]
+    for k in range(w.remotes):
+        opened |= w.opened[1 + k]
+    indicate(q, c.bit + 5, opened != 0 or (7 & ~w.own[w.index % SLOTS].valid) != 0)
     indicate(q, c.bit + 6, told != 0)
 
 
@@ -410,7 +393,7 @@ PDIF = Function(
     step=step,
     constants=(
         ("rule", RULE, (3,)),  # phase, negative, zero sequence
-        *((name, "i8") for name in ("sequence", "sequence_sets", "confirm", "external")),
+        *((name, "i8") for name in ("sequence", "sequence_sets", "confirm", "external", "open_blocks")),
         ("b1", "f8"),
         ("b0", "f8"),
         ("transfer", "i8"),
@@ -424,7 +407,6 @@ PDIF = Function(
         ("index", "i8"),  # of the newest own set
         ("last", "i8"),  # of the newest complete one
         ("age", "i8"),  # samples since that
-        ("seen", "i8"),  # complete sets
         ("external", "i8"),  # samples for which a fault outside is still known
         ("declared", "i8"),
         ("remotes", "i8"),
@@ -434,13 +416,23 @@ PDIF = Function(
         ("losses", "i8"),
         ("count", "i8", (5,)),  # sets in a row outside the restraint: phases, negative, zero sequence
         ("jump", "i8", (3,)),  # 1: outside, 2: inside, while the currents are changed
-        ("past", "c16", (3, PER_CYCLE, 1 + REMOTES)),
+        ("opened", "i8", (1 + REMOTES,)),  # masks of the phases whose current an end has lost, its own first
+        ("past_index", "i8", (PER_CYCLE,)),  # of the complete set of an eighth of a cycle ...
+        ("past", "c16", (3, PER_CYCLE, 1 + REMOTES)),  # ... its currents, one after the other
+        ("before", "c16", (3, 1 + REMOTES)),  # those of a cycle ago
+        ("change", "c16", (3, 1 + REMOTES)),  # and what has become of them
         ("currents", "c16", (1 + REMOTES,)),
         ("first", "c16", (1 + REMOTES,)),
         ("own", SET, (SLOTS,)),
         ("remote", REMOTE, (REMOTES,)),
     ),
-    start={"index": NO_SET, "last": NO_SET, "own": _no_sets(), "remote": _no_remotes()},
+    start={
+        "index": NO_SET,
+        "last": NO_SET,
+        "past_index": np.full(PER_CYCLE, NO_SET - PER_CYCLE),
+        "own": _no_sets(),
+        "remote": _no_remotes(),
+    },
     bits=("", "NgOp", "ResOp", "ExtFlt", "ChBlk", "OpnCT", "RxTr"),
     tell=tell,
 )
