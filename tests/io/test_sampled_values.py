@@ -181,6 +181,11 @@ def test_mutated_messages_are_samples_or_nothing() -> None:
     assert mutated(3_000, 1)["played"] == 3_000
 
 
+@pytest.mark.slow
+def test_100_000_mutated_messages_are_samples_or_nothing() -> None:
+    assert mutated(100_000, 2)["played"] == 100_000
+
+
 @pytest.mark.parametrize(
     ("rate", "frequency", "wanted", "words"),
     [

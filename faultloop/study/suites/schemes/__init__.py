@@ -54,14 +54,13 @@ def report_of(name: str, title: str, rows: Sequence[Row]) -> Report:
     if timed:
         curves = []
         for colour, relay in enumerate(dict.fromkeys(row.relay for row in timed)):
-            own = [(n, row.ms) for n, row in enumerate(timed) if row.relay == relay]
-            curves.append(Curve(relay, [n for n, _ in own], [ms for _, ms in own], "points", colour))
-        names = [f"{row.case}, {row.relay}" for row in timed]
-        few = len(names) <= MOST_ROWS
+            own = [(n, row) for n, row in enumerate(timed, 1) if row.relay == relay]
+            told = ("case", [row.case for _, row in own])
+            x, y = [n for n, _ in own], [row.ms for _, row in own]
+            curves.append(Curve(relay, x, y, "points", colour, told=told))
         report.diagrams = [
             Diagram(
-                f"{title}: trips", "case" if few else "row", "from the fault to the breaker [ms]", curves,
-                x_ticks=list(range(len(names))) if few else None, x_names=names if few else None,
+                f"{title}: trips", "row that trips", "from the fault to the breaker [ms]", curves,
                 y_range=(0.0, None), wide=True,
             )
         ]  # fmt: skip
