@@ -30,6 +30,8 @@ STRAIGHT = 0.25
 """Of the fall: what is across the current of before, which an open circuit does not turn."""
 ALONE = 0.1
 """Of the fall: the change of any other current of the line."""
+THROUGH = 0.5
+"""Of what flowed before: what the other ends did not carry on; nothing is known of a line open at one end."""
 
 
 @njit
@@ -87,6 +89,11 @@ def opens(c: Record, w: Record, phase: int, end: int, ends: int) -> bool:
     before, change = w.before[phase, end], w.change[phase, end]
     had2 = size2(before)
     if had2 < (CARRIES * c.rule[0].pickup) ** 2 or size2(change) < FALLS**2 * had2:
+        return False
+    total = 0j
+    for k in range(ends):
+        total += w.before[phase, k]
+    if size2(total) > THROUGH**2 * had2:
         return False
     part = change * before.conjugate()
     if part.real >= 0.0 or abs(part.imag) > -STRAIGHT * part.real or -part.real > 1.1 * had2:
