@@ -106,11 +106,10 @@ def ours(result: ReplayResult, bit: str) -> str:
         told = next((e.t_ns for e in result.events if e.text.startswith(bit)), None)
     elif name == "PTRC1":
         told = result.trips[0].t_ns if result.trips else None
-    elif kind == "Str":
-        told = result.first_pickup_ns.get(name)
+    elif kind == "Op":
+        told = result.first_operate_ns.get(name)
     else:
-        own = result.first_operate_ns
-        told = own.get(bit, own.get(name) if kind == "Op" else None)
+        told = result.first_pickup_ns.get(name if kind == "Str" else bit)
     return NEVER if told is None else f"{told / 1e9:.4f}"
 
 

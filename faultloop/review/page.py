@@ -52,8 +52,8 @@ BAR = """<div id="bar">
 <span id="times"></span></div>
 <p class="note">Move to place cursor A, click for B, drag to zoom, double-click for the fault; arrow keys step
 A by a sample (with Shift ten), b puts B there. Times count from {zero}.</p>"""
-STATIC = "as set: what polarizes them then is not known from this log"
-DYNAMIC = "as they are at A with what polarizes them then (solid), and as set (dashed)"
+STATIC = "Zones as set: what polarizes them then is not known from this log"
+DYNAMIC = "Zones as they are at A with what polarizes them then (solid), and as set (dashed)"
 MOST_SAMPLES = 1_000_000
 SECONDARY = '<button id="secondary" aria-pressed="false">secondary values</button>'
 RELAY = """<section class="relay" data-relay="{place}"><h2>{name}</h2>
@@ -62,8 +62,7 @@ RELAY = """<section class="relay" data-relay="{place}"><h2>{name}</h2>
 <p class="note">Phasors at A: voltages solid, currents dashed; angles from VA {reference}.</p></div>
 <div><label>Loop <select class="loop"></select></label> <span class="impedance"></span>
 <canvas class="plane" role="img" aria-label="impedance plane of {name}"></canvas>
-<p class="note">Zones {zones}; the loops' way
-during the fault; dot: A, ring: B.</p></div></div>
+<p class="note">{plane}; dot: A, ring: B.</p></div></div>
 <div class="below"><div class="scroll"><table class="values"></table></div>{left_out}</div></section>"""
 
 
@@ -122,7 +121,7 @@ def _body(
             name=html.escape(relay["name"]),
             reference="before the fault" if record["from_inception"] else "at the start",
             left_out=_left_out(relay),
-            zones=DYNAMIC if relay["dynamic"] else STATIC,
+            plane=_plane(relay),
         )
     for name, own in summary.relays.items():
         if not own.samples:
@@ -160,6 +159,12 @@ def _reasons(log: Log, summary: Summary, known: Mapping[str, Retraced]) -> Itera
     if without:
         names = html.escape(", ".join(without))
         yield f'<p class="note">What {names} knew cannot be told from this log: faultloop why says why.</p>'
+
+
+def _plane(relay: dict) -> str:
+    """What the R-X plane shows."""
+    zones = (DYNAMIC if relay["dynamic"] else STATIC) if relay["zones"] else "The relay has no zones"
+    return f"{zones}; the loops' way during the fault"
 
 
 def _left_out(relay: dict) -> str:

@@ -33,6 +33,8 @@ from faultloop.review.far_sets import COMPARED, FarSets
 NEEDED = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
 ALL_POLES = 7
 RECORD = "record"
+BUS_SIDE = ("RSYN", "RREC")
+"""Functions that take the voltages of the breaker's other side, which no log has."""
 NO_PART = ("bus_fault", "can", "expect")
 """Of a scenario: in the state of the network before the run."""
 _DONE: WeakKeyDictionary[Log, dict[str, Retraced]] = WeakKeyDictionary()
@@ -243,10 +245,16 @@ def _first_difference(
     words: NDArray[np.uint64],
     logged: NDArray[np.uint64],
 ) -> tuple[int | None, str | None]:
-    """Where a bit that both have is not the same; of a user's element, which is not run, none is compared."""
+    """Where a bit that both have is not the same; none is compared of a user's element, which is not run, and
+    of what synchrocheck releases."""
     bits = log.bits(name)["pickup"]
     ours = [bit if "." in bit else f"{bit}.Str" for bit in relay.bits]
-    known = sum(1 << k for k, (a, b) in enumerate(zip(ours, bits, strict=False)) if a == b)
+    unseen = BUS_SIDE if relay.settings.rsyn is not None else ()
+    known = sum(
+        1 << k
+        for k, (a, b) in enumerate(zip(ours, bits, strict=False))
+        if a == b and not a.startswith(unseen)
+    )
     rows, columns = np.nonzero((words ^ logged) & np.uint64(known))
     if not len(rows):
         return None, None

@@ -94,8 +94,9 @@ def relay_view(rows: RelayRows, summary: Summary, spans: dict[str, list[Span]] |
 def window_ms(summary: Summary) -> tuple[float, float]:
     """The part of the log that a picture of the fault shows, the same for all relays.
 
-    From two cycles before the inception to two after the last pole had opened; without a trip to the fault's
-    end or the last reset.  Where there is no fault: half a second of the log, with its greatest current.
+    From two cycles before the inception to two after the last pole had opened, or a breaker failed; without a
+    trip to the fault's end or the last reset.  Where there is no fault: half a second of the log, with its
+    greatest current.
     """
     zero = summary.inception.t_ns
     cycle = 1e3 / summary.log.nominal_hz
@@ -106,6 +107,7 @@ def window_ms(summary: Summary) -> tuple[float, float]:
         start = max(min(max(peaks, default=(0.0, 0.0))[1] - 100.0, stop - 500.0), 0.0)
         return start, max(min(stop, start + 500.0), start + cycle)
     known = [t for own in relays for trip in own.trips for t in (trip.decided_ms, trip.opened_ms)]
+    known += [e.first_ms for own in relays for e in own.elements if e.name.endswith(".OpEx")]
     if not any(t is not None for t in known):
         known = [fault.off_ms for fault in summary.faults]
         known += [e.last_off_ms for own in relays for e in own.elements if e.name.endswith(".Str")]
@@ -192,7 +194,7 @@ def _timeline(
     found: dict[str, list[Bar]] = {}
     for name, spans in spans_of.items():
         node, _, data = name.rpartition(".")
-        kind = KIND_OF_DATA.get(data, "start")
+        kind = "operate" if data in OPERATIONS else KIND_OF_DATA.get(data, "start")
         label = node if data in KIND_OF_DATA else name
         found.setdefault(label, []).extend(
             Bar((on - zero) / 1e6, end_ms if off is None else (off - zero) / 1e6, kind, name)
@@ -237,6 +239,8 @@ KIND_OF_DATA: dict[str, Kind] = {
     "Str": "start", "Op": "operate", "Tr": "operate", "DirFwd": "forward", "DirRev": "reverse",
     "PhyHealth": "blocked",
 }  # fmt: skip
+OPERATIONS = ("OpIn", "OpEx", "NgOp", "ResOp", "WeiOp")
+"""Data of a lane of their own."""
 
 
 def _place(label: str) -> tuple[int, int, str]:

@@ -10,7 +10,8 @@ fault would have been inside without it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -84,8 +85,8 @@ def why(log: Log, summary: Summary, relay: str | None = None, function: str | No
 
 
 def _of_relay(log: Log, summary: Summary, name: str, wanted: str | None) -> list[Reason]:
-    known = retrace(log, name)
-    tripped = {trip.function: trip for trip in reversed(summary.relays[name].trips)}
+    known, trips = retrace(log, name), summary.relays[name].trips
+    tripped = {trip.function: [one for one in trips if one.function == trip.function] for trip in trips}
     those = [one for one in known.instances if one.function.name in STARTING or one.name in tripped]
     if wanted is not None:
         names = [one.name for one in those]
@@ -93,36 +94,47 @@ def _of_relay(log: Log, summary: Summary, name: str, wanted: str | None) -> list
             what = f"relay '{name}' has no function '{wanted}' that starts; {nearest(wanted, names)}"
             raise InputError(what, key="--function")
         those = [one for one in those if one.name == wanted]
-    first = sorted(tripped, key=lambda function: tripped[function].decided_ns)
-    reasons = {one.name: _reason(log, summary, known, one, name, tripped.get(one.name)) for one in those}
-    order = [f for f in first if f in reasons] + [f for f in reasons if f not in first]
-    return [reason for f in order if (reason := reasons[f]) is not None]
+    found = [
+        (reason, one.name not in tripped)
+        for one in those
+        for reason in _reasons(log, summary, known, one, name, tripped.get(one.name, []))
+    ]
+    found.sort(key=lambda pair: (pair[1], 0 if pair[1] else pair[0].t_ns))
+    return [reason for reason, _ in found]
 
 
-def _reason(
-    log: Log, summary: Summary, known: Retraced, one: Instance, name: str, trip: TripFacts | None
-) -> Reason | None:
+def _reasons(
+    log: Log, summary: Summary, known: Retraced, one: Instance, name: str, trips: Sequence[TripFacts]
+) -> Iterator[Reason]:
+    """Of each trip; of a function without one, why it operated or did not."""
     spans = survey(log, name).spans
     zero = summary.inception.zero_ns
     operated = [span for span in spans.get(f"{one.name}.Op", []) if span[1] is None or span[1] > zero]
     started = [span for span in spans.get(f"{one.name}.Str", []) if span[1] is None or span[1] > zero]
-    if trip is not None and not operated:  # by an element that has a bit of its own, as PDIF1.NgOp
-        operated = [(trip.decided_ns, None)]
     rows = window(summary, known, name)
     facts = why_stages.Facts(log, one, known, zero, rows, _span(summary, name), started)
+    for k, trip in enumerate(trips):
+        # by an element that has a bit of its own, as PDIF1.NgOp, where none of these is on
+        at_ns = next((on for on, _ in reversed(operated) if on <= trip.decided_ns), trip.decided_ns)
+        begun = next((on for on, _ in reversed(started) if on <= at_ns), at_ns)
+        later = facts if k == 0 else replace(facts, span_ns=(begun, at_ns))
+        yield _operated(name, later, at_ns, trip)
+    if trips:
+        return
     if operated:
-        return _operated(name, facts, operated[0][0], trip)
+        yield _operated(name, facts, operated[0][0], None)
+        return
     if one.function.name != "PDIS":
         verdict = why_stages.judge(facts)
         if verdict is None:
-            return None
+            return
         loop = ""
     else:
         zone = Zone(facts, truth(summary))
         verdict, loop = judge_zone(zone), zone.called
     end = int(known.t_ns[facts.rows[-1]]) if len(facts.rows) else zero
     text = f"{one.name}: {verdict.text}"
-    return Reason(name, one.name, loop, end, False, verdict.m, facts.timer_ms(end), verdict.cause, text)
+    yield Reason(name, one.name, loop, end, False, verdict.m, facts.timer_ms(end), verdict.cause, text)
 
 
 def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | None) -> Reason:

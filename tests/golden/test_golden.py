@@ -18,6 +18,8 @@ from faultloop.cli import call
 from faultloop.loop.runner import run
 from faultloop.loop.scenario import load_scenario
 from faultloop.review.retrace import retrace
+from faultloop.review.summary import summarize
+from faultloop.review.why import why
 from tests.golden.record import differences, golden
 from tests.review.review_logs import check_tables
 
@@ -50,9 +52,11 @@ def test_runs_as_it_did(
     assert call(["review", str(log)]) == 0
     check_tables(capsys.readouterr().out, log)
     opened = open_log(log)  # and each relay, run over its log once more, decides the same, bit by bit
-    # but for one that asked a second voltage, which no log has
-    whole = [p.name for p in load_scenario(path).relay if not p.synchro_vt]
-    assert {name: retrace(opened, name).differs for name in whole} == dict.fromkeys(whole)
+    names = [place.name for place in load_scenario(path).relay]
+    assert {name: retrace(opened, name).differs for name in names} == dict.fromkeys(names)
+    summary = summarize(opened)  # and each trip is explained
+    told = [(r.relay, r.function) for r in why(opened, summary) if "; tripped" in r.text]
+    assert sorted(told) == sorted((name, t.function) for name in names for t in summary.relays[name].trips)
 
 
 def test_no_golden_log_without_its_scenario() -> None:

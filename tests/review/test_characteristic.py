@@ -13,7 +13,7 @@ from faultloop.io.mcap_reader import open_log
 from faultloop.review.characteristic import characteristic
 from faultloop.review.retrace import retrace
 from faultloop.review.rows import relay_rows
-from tests.review.test_why import fault, write
+from tests.review.why_cases import fault, write
 
 QUAD: dict[str, Any] = {
     "characteristic": "quad",

@@ -20,7 +20,7 @@ from faultloop.review.retrace import retrace
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
 from tests.review.review_logs import FAULT_NS, write_log
-from tests.review.test_why import QUAD, fault, write
+from tests.review.why_cases import QUAD, fault, write
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [

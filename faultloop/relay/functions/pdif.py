@@ -354,8 +354,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         q.notices += 1
     w.silent = silent
     publish(q, c.bit, started, poles != 0)
-    q.operate |= np.uint64(negative) << np.uint64(c.bit + 1)
-    q.operate |= np.uint64(zero) << np.uint64(c.bit + 2)
+    indicate(q, c.bit + 1, negative)
+    indicate(q, c.bit + 2, zero)
     indicate(q, c.bit + 3, w.external > 0)
     indicate(q, c.bit + 4, silent or blocked)
     opened = w.opened[0]

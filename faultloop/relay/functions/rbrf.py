@@ -108,8 +108,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if told and not q.back_trip:
         q.notices += 1
     indicate(q, c.bit, oldest > 0)
-    q.operate |= np.uint64(retrip) << np.uint64(c.bit + 1)
-    q.operate |= np.uint64(w.pulse > 0 or failed != 0) << np.uint64(c.bit + 2)
+    indicate(q, c.bit + 1, retrip)
+    indicate(q, c.bit + 2, w.pulse > 0 or failed != 0)
     if retrip:
         request_trip(q, c.bit, q.fault, 1)
 

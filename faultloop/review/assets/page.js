@@ -112,7 +112,7 @@ class Page {
     const rows = [cells("th", [this.secondary ? "V, A" : "kV, kA"], ["A", "a"], ["B", "b"], ["A − B"], ["RMS at A", "a"], ["angle", "a"])];
     const line = (name, unit, a, b, z) => {
       const f = relay.factor(unit) / (this.secondary ? 1 : 1e3), digits = unit === "V" ? 2 : 3;
-      const fixed = (value) => (Number.isFinite(value) ? value.toFixed(digits) : "–");
+      const fixed = (value) => (Number.isFinite(value) ? (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits) : "–");
       rows.push(cells("td", [name], ...[a, b, a - b, magnitude(z)].map((value) => [fixed(value * f)]), [Number.isFinite(z[0]) ? angle(z) : "–"]));
     };
     this.channels.forEach((name, k) => line(name.toUpperCase(), k < 3 ? "V" : "I", at < 0 ? NaN : relay.samples[k][at], bt < 0 ? NaN : relay.samples[k][bt], relay.phasor(row, k)));

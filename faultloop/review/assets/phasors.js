@@ -30,6 +30,7 @@ function drawPhasors(canvas, relay, row) {
   g.textAlign = "left"; g.fillText("V: circle " + scale(0, " kV"), 2, 12);
   g.textAlign = "right"; g.fillText("I: circle " + scale(1, " kA"), width - 2, 12);
   if (row < 0) { g.textAlign = "center"; g.fillText("no estimates here: outside the detail", x0, y0 + 4); return; }
+  const used = [];
   for (let k = 5; k >= 0; k--) {
     const z = relay.phasor(row, k), size = magnitude(z) / relay.greatest[k < 3 ? 0 : 1];
     if (!(size > 0.004)) continue;
@@ -40,7 +41,14 @@ function drawPhasors(canvas, relay, row) {
     g.beginPath(); g.moveTo(x, y);
     for (const side of [-1, 1]) g.lineTo(x - 9 * Math.cos(angle + side * 0.4), y + 9 * Math.sin(angle + side * 0.4));
     g.fill();
-    g.textAlign = "center";
-    g.fillText(relay.page.channels[k].toUpperCase(), x + 11 * Math.cos(angle), y - 11 * Math.sin(angle) + 4);
+    // the name beyond the tip, or beside it where another one is
+    const name = relay.page.channels[k].toUpperCase();
+    const places = [[11, 0], [13, 1], [13, -1], [24, 0], [22, 0.7], [22, -0.7], [34, 0.4], [34, -0.4], [46, 0]];
+    const at = places.map(([far, aside]) => [x + far * Math.cos(angle + aside), y - far * Math.sin(angle + aside)]);
+    const place = at.find(([a, b]) => !used.some(([c, d]) => Math.abs(a - c) < 20 && Math.abs(b - d) < 12)) || at[0];
+    used.push(place);
+    g.textAlign = "center"; g.textBaseline = "middle";
+    g.fillText(name, ...place);
+    g.textBaseline = "alphabetic";
   }
 }

@@ -2,9 +2,17 @@
 "use strict";
 const NARROW = () => window.innerWidth < 600;
 const LANES = () => (NARROW() ? 3 : 2); // of labels of marks
-const AXIS = () => (NARROW() ? 62 : 96);
+const LABELS = () => `${NARROW() ? 10 : 12}px system-ui, sans-serif`;
 const FONT = "12px system-ui, sans-serif";
 const PHASES = ["A", "B", "C"];
+
+// Room for the lanes' names, the same in all plots of a relay.
+function axisWidth(relay) {
+  const g = (axisWidth.canvas ||= document.createElement("canvas")).getContext("2d"), [least, most] = NARROW() ? [62, 112] : [96, 180];
+  g.font = LABELS();
+  const widest = Math.max(0, ...relay.lanes.map(([label]) => g.measureText(label).width));
+  return Math.min(most, Math.max(least, Math.ceil(widest) + 10));
+}
 
 // The three series of a wave plot, by what is shown.
 function seriesOf(relay, kind, mode) {
@@ -27,12 +35,12 @@ function seriesOf(relay, kind, mode) {
 // uPlot wants null where nothing is; NaN would be drawn as zero by some paths.
 const nullable = (values) => Array.from(values, (y) => (Number.isNaN(y) ? null : y));
 
-function axes(last, vertical, title = "") {
+function axes(last, room, vertical, title = "") {
   const grid = { stroke: () => css("--grid"), width: 1 }, stroke = () => css("--soft");
   const x = { stroke, grid, ticks: grid, font: FONT, size: last ? 28 : 0,
     ...(last ? { label: title, labelSize: 18, labelFont: FONT, labelGap: 0 } : {}),
     values: last ? (u, ticks) => ticks.map((v) => String(+v.toFixed(6))) : () => [] };
-  return [x, { stroke, grid, ticks: grid, font: FONT, size: AXIS(), ...vertical }];
+  return [x, { stroke, grid, ticks: grid, font: FONT, size: room, ...vertical }];
 }
 
 // Marks of fault, trip and opening; shading where only an overview is; never a line of its own over a text.
@@ -66,13 +74,13 @@ function drawMarks(u, relay, labelled) {
   g.restore();
 }
 
-function drawLanes(u, relay) {
+function drawLanes(u, relay, room) {
   const { ctx: g, bbox } = u, ratio = devicePixelRatio || 1, n = relay.lanes.length, height = bbox.height / Math.max(n, 1);
   g.save();
-  g.font = `${(NARROW() ? 10 : 12) * ratio}px system-ui, sans-serif`; g.textAlign = "right"; g.textBaseline = "middle"; g.fillStyle = css("--soft");
+  g.font = LABELS().replace(/^\d+/, (size) => size * ratio); g.textAlign = "right"; g.textBaseline = "middle"; g.fillStyle = css("--soft");
   relay.lanes.forEach(([label], i) => {
     let words = label;
-    while (words.length > 2 && g.measureText(words).width > (AXIS() - 8) * ratio) words = words.slice(0, -2) + "…";
+    while (words.length > 2 && g.measureText(words).width > (room - 8) * ratio) words = words.slice(0, -2) + "…";
     g.fillText(words, bbox.left - 6 * ratio, bbox.top + (i + 0.5) * height);
   });
   g.beginPath(); g.rect(bbox.left, bbox.top, bbox.width, bbox.height); g.clip();
@@ -80,9 +88,9 @@ function drawLanes(u, relay) {
     for (const [start, stop, kind, , lane, lanes] of bars) {
       const a = Math.max(u.valToPos(start, "x", true), bbox.left - 5), b = Math.min(u.valToPos(stop, "x", true), bbox.left + bbox.width + 5);
       if (b < a) continue;
-      const room = height * 0.74 / lanes;
+      const thick = height * 0.74 / lanes;
       g.fillStyle = css("--k-" + kind);
-      g.fillRect(a, bbox.top + (i + 0.13) * height + lane * room, Math.max(b - a, ratio), Math.max(room - (lanes > 1 ? ratio : 0), ratio));
+      g.fillRect(a, bbox.top + (i + 0.13) * height + lane * thick, Math.max(b - a, ratio), Math.max(thick - (lanes > 1 ? ratio : 0), ratio));
     }
   });
   g.restore();
@@ -97,6 +105,7 @@ class Waves {
     this.plots.forEach((u) => u.destroy());
     this.plots = [];
     this.root.replaceChildren();
+    this.room = axisWidth(this.relay);
     for (const kind of ["V", "I"]) this.plots.push(this.wave(kind));
     if (this.relay.lanes.length) this.plots.push(this.lanes());
     this.plots.forEach((u) => this.cursors(u));
@@ -115,8 +124,8 @@ class Waves {
     this.root.append(caption);
     const marks = kind === "V";
     const last = kind === "I" && !this.relay.lanes.length;
-    const u = new uPlot({ ...this.common((NARROW() ? 140 : 180) + (marks ? 20 : 0) + (last ? 46 : 0)), padding: [marks ? 4 + 13 * LANES() : 8, 12, 6, 0],
-      axes: axes(last, {}, this.page.title),
+    const u = new uPlot({ ...this.common((NARROW() ? 140 : 180) + (marks ? 20 : 0) + (last ? 46 : 0)), padding: [marks ? 4 + 13 * LANES() : 8, 18, 6, 0],
+      axes: axes(last, this.room, {}, this.page.title),
       series: [{}, ...shown.map((s, k) => ({ label: s.name, stroke: () => css(s.colour), width: 1.3, show: !this.hidden[kind].has(k), spanGaps: this.page.mode !== "samples" && this.relay.step > 1, points: { show: false } }))],
       hooks: { drawClear: [(v) => drawMarks(v, this.relay, marks)] } },
       [this.relay.t, ...shown.map((s) => nullable(s.values))], this.root);
@@ -142,9 +151,9 @@ class Waves {
     caption.innerHTML = kinds.map((kind) => `<span><span class="swatch box" style="background:var(--k-${kind})"></span>${this.page.kinds[kind]}</span>`).join("");
     this.root.append(caption);
     const n = this.relay.lanes.length;
-    return new uPlot({ ...this.common(18 * n + 60), padding: [4, 12, 6, 0], scales: { x: { time: false }, y: { range: [0, n] } },
-      axes: axes(true, { values: () => [], grid: { show: false }, ticks: { show: false } }, this.page.title), series: [{}, { show: false }],
-      hooks: { drawClear: [(v) => drawMarks(v, this.relay, false)], draw: [(v) => drawLanes(v, this.relay)] } },
+    return new uPlot({ ...this.common(18 * n + 60), padding: [4, 18, 6, 0], scales: { x: { time: false }, y: { range: [0, n] } },
+      axes: axes(true, this.room, { values: () => [], grid: { show: false }, ticks: { show: false } }, this.page.title), series: [{}, { show: false }],
+      hooks: { drawClear: [(v) => drawMarks(v, this.relay, false)], draw: [(v) => drawLanes(v, this.relay, this.room)] } },
       [this.relay.t, new Array(this.relay.t.length).fill(null)], this.root);
   }
   cursors(u) {
