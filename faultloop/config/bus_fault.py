@@ -19,7 +19,7 @@ BusFaultKind = Literal[
 ]  # fmt: skip
 MessageName = Literal[
     "trip", "close", "pilot", "transfer", "differential", "breaker_status", "sampled_values", "measurements",
-    "heartbeat",
+    "heartbeat", "time_sync",
 ]  # fmt: skip
 FORGED = ("trip", "close", "pilot", "transfer", "differential", "breaker_status")
 Content = Literal["random", "replayed", "crafted"]

@@ -41,7 +41,8 @@ def identifiers(scenario: Scenario, number: int) -> list[int]:
     transfers = [kind + i for kind in (Kind.TRANSFER, Kind.DIFFERENTIAL) for i in node.linked]
     parallel = scenario.relay[number].parallel
     beside = [] if parallel is None else [Kind.SAMPLED_VALUES + names.index(parallel)]
-    return [Kind.SAMPLED_VALUES + number, *beside, *breaker, *pilots, *transfers]
+    time = [] if scenario.time_sync is None else [int(Kind.TIME_SYNC)]
+    return [Kind.SAMPLED_VALUES + number, *beside, *breaker, *pilots, *transfers, *time]
 
 
 class RelayProcess:

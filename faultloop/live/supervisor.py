@@ -336,7 +336,7 @@ def _names(scenario: Scenario) -> dict[int, str]:
     names = {}
     for identifier, (kind, number) in BY_IDENTIFIER.items():
         owners = {Kind.BREAKER_STATUS: breakers, Kind.HEARTBEAT: everybody}.get(kind, relays)
-        if kind == Kind.SAMPLED_VALUES and number in relays:
+        if kind == Kind.TIME_SYNC or (kind == Kind.SAMPLED_VALUES and number in relays):
             names[identifier] = PLANT
         elif number in owners:
             names[identifier] = owners[number]

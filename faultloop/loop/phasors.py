@@ -13,8 +13,9 @@ from faultloop.io.can.port import DIFFERENTIAL
 from faultloop.io.can.record import Record
 from faultloop.jit import njit
 from faultloop.nodes.clock import SECOND_NS
-from faultloop.nodes.node import Nodes, clock_us
+from faultloop.nodes.node import Nodes
 from faultloop.nodes.sets import WAITING, microseconds
+from faultloop.nodes.time_sync import clock_us, has_time
 
 NOT, CHANNEL, GLOBAL = range(3)
 """How a clock is synchronized: to a time that all have, to the other end, not at all."""
@@ -57,6 +58,8 @@ def synchronized(n: Record, c: Record, t_ns: int) -> int:
     """How a node's clock is synchronized."""
     if c.by_channel:
         return CHANNEL
+    if n.time.follows:
+        return GLOBAL if has_time(n.time, t_ns) else NOT
     return GLOBAL if t_ns < n.clock_lost_ns else NOT
 
 

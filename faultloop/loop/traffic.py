@@ -9,17 +9,17 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Protocol
 
-from faultloop.config.bus_fault import BusFault
+from faultloop.config.bus_fault import PLANT, BusFault
 from faultloop.io.can.confinement import STATES
 from faultloop.io.can.frames import REJECTIONS, Frame
 from faultloop.io.can.record import put, taken
 from faultloop.io.can.senders import Senders
-from faultloop.io.can.table import Kind
+from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.io.can.transport import Transport
 from faultloop.loop import exchange
 from faultloop.loop.bus_faults import Edge, Edges, counted, end_ns, without_effect
 from faultloop.loop.bus_faults import describe as describe_fault
-from faultloop.loop.recording import Recorder
+from faultloop.loop.recording import PLANT_EVENTS, Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.nodes import (
     BreakerNode,
@@ -27,9 +27,11 @@ from faultloop.nodes import (
     Movement,
     RelayNode,
     Report,
+    TimeMaster,
     breaker_follower,
     breaker_node,
     relay_node,
+    time_master,
 )
 from faultloop.nodes.attacker import attacker_nodes
 from faultloop.nodes.channel import new_channels
@@ -96,11 +98,16 @@ class Traffic:
             for i, breaker in enumerate(scenario.breaker)
             if breaker.name in left_out
         }
-        self._seats: list[RelayNode | BreakerNode] = [*self.relays, *self.breakers.values()]
+        self._seats: list[RelayNode | BreakerNode | TimeMaster] = [*self.relays, *self.breakers.values()]
         self._numbers = [*range(len(self.relays)), *breakers]
         """Of each seat's relay or breaker."""
         self._names = [place.name for place in scenario.relay]
         self._names += [scenario.breaker[i].name for i in breakers]
+        master = self._time_master(0)
+        if master is not None:
+            self._seats.append(master)
+            self._numbers.append(PLANT_NODE)
+            self._names.append(PLANT)
         self._attackers = attacker_nodes(scenario)
         self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
         self._edges = Edges(scenario.bus_fault)
@@ -130,6 +137,12 @@ class Traffic:
         report = self._report_of("relay", self.scenario.relay[number].name)
         agreement = self._acts.agreement(number)
         return relay_node(self.scenario, number, report, start_ns=start_ns, agreement=agreement)
+
+    def _time_master(self, start_ns: int) -> TimeMaster | None:
+        def report(t_ns: int, level: str, text: str) -> None:
+            self.recorder.event(PLANT_EVENTS, t_ns, level, text, PLANT)
+
+        return time_master(self.scenario, report, start_ns=start_ns)
 
     def _breaker_node(self, number: int, start_ns: int) -> BreakerNode:
         report = self._report_of("breaker", self.scenario.breaker[number].name)
@@ -256,8 +269,12 @@ class Traffic:
     def _rejoin(self, t_ns: int, seat: int) -> None:
         """A node starts anew and remembers nothing; a breaker's poles are as they are."""
         number = self._numbers[seat]
+        node: RelayNode | BreakerNode | TimeMaster | None
         if isinstance(self._seats[seat], RelayNode):
             node = self.relays[number] = self._relay_node(number, t_ns)
+        elif isinstance(self._seats[seat], TimeMaster):
+            node = self._time_master(t_ns)
+            assert node is not None
         else:
             node = self.breakers[number] = self._breaker_node(number, t_ns)
         self._seats[seat] = node

@@ -7,9 +7,10 @@ other nodes, and it does not know whether the bus is simulated or real.
 from faultloop.nodes.breaker import BreakerNode, Command
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.follower import BreakerFollower, Movement, with_followed_breakers
+from faultloop.nodes.master import TimeMaster
 from faultloop.nodes.refusals import Refusals, Report
 from faultloop.nodes.relay import RelayNode
-from faultloop.nodes.roster import breaker_follower, breaker_node, relay_node
+from faultloop.nodes.roster import breaker_follower, breaker_node, relay_node, time_master
 
 __all__ = [
     "FOREVER",
@@ -20,8 +21,10 @@ __all__ = [
     "Refusals",
     "RelayNode",
     "Report",
+    "TimeMaster",
     "breaker_follower",
     "breaker_node",
     "relay_node",
+    "time_master",
     "with_followed_breakers",
 ]

@@ -18,6 +18,7 @@ from faultloop.io.can.frames import Frame
 from faultloop.io.can.port import DIFFERENTIAL, NOBODY, PILOT, TRANSFER
 from faultloop.io.can.record import FRAME, Record, Records, put, taken
 from faultloop.jit import njit
+from faultloop.nodes.chance import uniform
 from faultloop.nodes.clock import FOREVER
 
 PATHS = 5
@@ -68,12 +69,8 @@ class Channels(NamedTuple):
 
 @njit
 def _chance(c: Record, draw: int) -> float:
-    """Uniform in [0, 1) for the frame that comes (splitmix64; Steele, Lea, Flood 2014)."""
-    z = c.seed + (np.uint64(2) * c.count + np.uint64(draw)) * np.uint64(0x9E3779B97F4A7C15)
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z ^= z >> np.uint64(31)
-    return np.float64(z >> np.uint64(11)) * 2.0**-53
+    """Uniform in [0, 1) for the frame that comes."""
+    return uniform(c.seed, np.uint64(2) * c.count + np.uint64(draw))
 
 
 @njit

@@ -21,6 +21,7 @@ from faultloop.io.can.frames import (
     Rejection,
     SampledValues,
     State,
+    TimeSync,
 )
 from faultloop.io.can.length import INTERMISSION, wire_length
 from faultloop.io.can.table import BY_IDENTIFIER, STATE_KINDS, TICK_NS
@@ -214,6 +215,8 @@ def _check(row: Row, t_ns: int, frame: Frame) -> None:
         row.sealed |= frame.fd
         if isinstance(row.subscriber.receive(message, t_ns), Rejection):
             return
+    elif isinstance(message, TimeSync):
+        row.checked = True
     elif isinstance(message, (SampledValues, Measurements, Differential)):
         row.checked |= not isinstance(message, Measurements)  # which have no CRC of ours
         if row.next_counter is not None:
@@ -242,6 +245,10 @@ def _told(message: Message | Frame) -> str:
         test = " test" if message.test else ""
         currents = " ".join(f"{abs(i):.1f}" for i in message.currents)
         return f"i {currents} A{test}  t {message.time / 1e6:.6f} s"
+    if isinstance(message, TimeSync):
+        if not message.follow_up:
+            return f"SYNC {message.sequence}  {message.time} s"
+        return f"follow-up {message.sequence}  {message.overflow & 3} s + {message.time} ns"
     return message.data.hex(" ")
 
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.config.time_sync import TimeSync
 from faultloop.io.can.authentication import PLAIN, Seal
 from faultloop.io.can.codes import FINE, UNKNOWN_ID
 from faultloop.io.can.frames import REJECTIONS, Frame, Rejection, State, decode
@@ -28,6 +29,7 @@ from faultloop.io.can.port import (
 )
 from faultloop.io.can.record import FRAME, MESSAGE, Record, Records, put, taken
 from faultloop.io.can.table import OPERATIONAL, Alarm, Kind
+from faultloop.io.can.time_sync import TIME_SYNC
 from faultloop.jit import njit
 from faultloop.nodes.clock import CYCLIC, FOREVER, Cyclic, tick
 from faultloop.nodes.goose import (
@@ -44,11 +46,12 @@ from faultloop.nodes.goose import (
 from faultloop.nodes.refusals import Refusals, Report
 from faultloop.nodes.sets import NOTHING as NOTHING_YET
 from faultloop.nodes.sets import SOURCE, WAITING, accept_set, microseconds
+from faultloop.nodes.time_sync import MASTER, SLAVE, clock_us, hear_time, set_slave, tell_time
 
 MEASURED = 15
 """Values that a relay shows: phasors with their frequency (14), fault location."""
 PAGES = 3
-MOST = 5 + 1 + 1 + PAGES
+MOST = 5 + 1 + 1 + PAGES + 2
 """Messages that a node gives at once, at most."""
 NOTHING, TAKEN = 0, 1
 SILENT, REJECTED = int(Alarm.SILENT), int(Alarm.REJECTED)
@@ -83,6 +86,8 @@ NODE = np.dtype(
         ),
         ("heartbeat", CYCLIC),
         ("measurements", CYCLIC),
+        ("master", MASTER),
+        ("time", SLAVE),
     ],
     align=True,
 )
@@ -114,6 +119,7 @@ def next_ns(nodes: Nodes, i: int) -> int:
     """When `poll` has something to send."""
     n = nodes.node[i]
     due_ns = min(n.heartbeat.next_ns, n.measurements.next_ns, n.set_ns)
+    due_ns = min(due_ns, n.master.period.next_ns, n.master.follow_ns)
     for k in range(n.first_publisher, n.first_publisher + n.publishers):
         due_ns = min(due_ns, nodes.publishers[k].next_ns)
     for k in range(n.first_subscriber + 1, n.first_subscriber + 1 + n.linked):
@@ -136,6 +142,7 @@ def poll(nodes: Nodes, i: int, t_ns: int, out: Records, count: int) -> int:
         _tell_heard(nodes, i, t_ns)
         out[count] = nodes.own_set[i]
         count += 1
+    count = tell_time(n.master, t_ns, out, count)
     if tick(n.heartbeat, t_ns):
         _beat(nodes, i, t_ns, out[count])
         count += 1
@@ -144,14 +151,6 @@ def poll(nodes: Nodes, i: int, t_ns: int, out: Records, count: int) -> int:
             _show(n, nodes.measured[i], page, out[count])
             count += 1
     return count
-
-
-@njit
-def clock_us(n: Record, t_ns: int) -> int:
-    """A node's clock [us], modulo 2^32."""
-    adrift_ns = max(t_ns - n.clock_lost_ns, 0)
-    error_ns = n.clock_ns + np.int64(np.rint(adrift_ns * 1e-9 * n.clock_ppb))
-    return int((t_ns + error_ns + 500) // 1000 & 0xFFFFFFFF)
 
 
 @njit
@@ -227,6 +226,10 @@ def receive(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int, m: R
     n = nodes.node[i]
     if n.sources and (frame.id & ~0xF) == DIFFERENTIAL:
         return _receive_set(nodes, i, frame, objection, t_ns, m)
+    if frame.id == TIME_SYNC and (n.time.follows or n.master.period.rate_hz > 0.0):
+        answer = -hear_time(n, frame, t_ns, m)
+        n.refused += answer < 0
+        return answer
     place = subscriber_of(nodes, i, frame.id)
     if place == NOBODY:
         if n.strict and kind_of(frame.id) == NOBODY:
@@ -330,6 +333,8 @@ class Node:
             node[key] = value
         Cyclic(1 / heartbeat_s if heartbeat_s else 0.0, start_ns, record=node["heartbeat"])
         Cyclic(measurements_hz, start_ns + 1, record=node["measurements"])
+        Cyclic(0.0, record=node["master"]["period"])
+        node["master"]["follow_ns"] = FOREVER
         self.nodes = Nodes(
             node,
             _gathered(PUBLISHER, [p.record for p in publishers]),
@@ -348,6 +353,10 @@ class Node:
         """Its clock is so much ahead, and drifts so fast once it has lost the time from outside."""
         node = self.nodes.node[self.place]
         node["clock_ns"], node["clock_ppb"], node["clock_lost_ns"] = offset_ns, ppb, lost_ns
+
+    def follow_time(self, table: TimeSync, seed: int, deaf_ns: int = FOREVER) -> None:
+        """Its clock is set by TIME_SYNC, which it hears until `deaf_ns`."""
+        set_slave(self.nodes.node[self.place : self.place + 1]["time"], table, seed, deaf_ns)
 
     @property
     def rejected(self) -> Counter[Rejection]:
@@ -393,7 +402,7 @@ class Node:
             self.refusals.beat(t_ns)
         encode_one(messages, k, self._frame)
         frame = Frame(*taken(self._frame, 0))
-        return frame if kind in (HEARTBEAT, MEASUREMENTS) else self.seal.close(t_ns, frame)
+        return frame if kind in (HEARTBEAT, MEASUREMENTS, TIME_SYNC) else self.seal.close(t_ns, frame)
 
     def take(self, t_ns: int, frame: Frame) -> Any:
         """Take a frame; the ``MESSAGE`` in it where it is a state that is new, else None."""

@@ -9,8 +9,9 @@ from faultloop.io.can.table import OPERATIONAL, PLANT_NODE
 from faultloop.nodes.clock import Cyclic, SampleClock
 from faultloop.nodes.follower import with_followed_breakers
 from faultloop.nodes.refusals import Report
-from faultloop.nodes.roster import breaker_follower
+from faultloop.nodes.roster import breaker_follower, time_master
 from faultloop.nodes.tables import BusTables
+from faultloop.nodes.time_sync import confirm_first
 from faultloop.plant import Plant
 from faultloop.plant.breaker import Breaker
 from faultloop.plant.fault import Fault
@@ -55,6 +56,7 @@ class PlantNode:
         self._report = report
         self.attend(scenario, begins_ns)
         self._heartbeat = Cyclic(1 / scenario.can.heartbeat_s, begins_ns)
+        self._master = time_master(scenario, report, start_ns=begins_ns)
 
     def attend(self, scenario: BusTables, start_ns: int) -> None:
         """Follow the breakers from run time `start_ns` on; the seal is that of `scenario`."""
@@ -75,8 +77,10 @@ class PlantNode:
     @property
     def next_ns(self) -> int:
         """When `poll` has something to send."""
-        heartbeat_ns = self._heartbeat.next_ns
-        return heartbeat_ns if self.done else min(self.sample_ns(self.sample_count), heartbeat_ns)
+        due_ns = self._heartbeat.next_ns
+        if self._master is not None:
+            due_ns = min(due_ns, self._master.next_ns)
+        return due_ns if self.done else min(self.sample_ns(self.sample_count), due_ns)
 
     def poll(self, t_ns: int) -> list[Frame]:
         """The frames that are due."""
@@ -98,7 +102,16 @@ class PlantNode:
             n -= made
         if self._heartbeat.poll(t_ns):
             frames.append(Heartbeat(PLANT_NODE, OPERATIONAL, 0, 0, ticks(t_ns)).encode())
-        return frames
+        return frames + self._time(t_ns)
+
+    def _time(self, t_ns: int) -> list[Frame]:
+        """SYNC, and its follow-up at once: a socket tells nobody when his own frame has ended.  That is as
+        late for every relay, so that they have one time, which is late by that against the plant's."""
+        if self._master is None or t_ns < self._master.next_ns:
+            return []
+        frames = self._master.poll(t_ns)
+        confirm_first(self._master.nodes.node["master"], t_ns)
+        return frames + self._master.poll(t_ns)
 
     def receive(self, t_ns: int, frame: Frame) -> None:
         """Take a frame: a breaker's accepted status moves its poles, at once or at the next current zero."""

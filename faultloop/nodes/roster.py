@@ -5,10 +5,11 @@ from __future__ import annotations
 from faultloop.config.channel import linked
 from faultloop.io.can.authentication import PLAIN, CmacSeal, Seal
 from faultloop.io.can.keys import load_keys
-from faultloop.io.can.table import Kind
+from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.nodes.breaker import BreakerNode
 from faultloop.nodes.clock import FOREVER
 from faultloop.nodes.follower import BreakerFollower
+from faultloop.nodes.master import TimeMaster
 from faultloop.nodes.refusals import Report, unheard
 from faultloop.nodes.relay import RelayNode, published
 from faultloop.nodes.tables import BusTables
@@ -62,11 +63,27 @@ def relay_node(
         back_trips=bool(place.back_trip),
         agreement=agreement,
     )
+    deaf_ns = FOREVER
     for clock in scenario.clock:
         if clock.node == place.name:
             offset_ns, ppb, lost_ns = clock.numbers
-            node.set_clock(offset_ns, ppb, FOREVER if lost_ns is None else lost_ns)
+            deaf_ns = FOREVER if lost_ns is None else lost_ns
+            node.set_clock(offset_ns, ppb, deaf_ns)
+    if scenario.time_sync is not None:
+        node.follow_time(scenario.time_sync, _seed_of_time(scenario, number), deaf_ns)
     return node
+
+
+def time_master(scenario: BusTables, report: Report = unheard, *, start_ns: int = 0) -> TimeMaster | None:
+    """The node that tells the time; None where none is told."""
+    if scenario.time_sync is None:
+        return None
+    return TimeMaster(scenario.time_sync, _seed_of_time(scenario, PLANT_NODE), report, start_ns=start_ns)
+
+
+def _seed_of_time(scenario: BusTables, number: int) -> int:
+    """Of the jitter of a node's stamps."""
+    return (scenario.scenario.seed * 1_000_003 + (1 << 32) + number) % 2**64
 
 
 def commanders(scenario: BusTables, number: int) -> tuple[list[int], list[int]]:

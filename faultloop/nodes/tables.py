@@ -12,6 +12,7 @@ from faultloop.config.can import Can
 from faultloop.config.channel import Channel
 from faultloop.config.clock import Clock
 from faultloop.config.iec61850 import Iec61850
+from faultloop.config.time_sync import TimeSync
 from faultloop.plant.component import PlantTables
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ class BusTables(PlantTables):
     bus_fault: tuple[BusFault, ...] = Field(default=(), strict=False)
     channel: tuple[Channel, ...] = Field(default=(), strict=False)
     clock: tuple[Clock, ...] = Field(default=(), strict=False)
+    time_sync: TimeSync | None = None
 
     _path: Path | None = PrivateAttr(default=None)
 

@@ -52,11 +52,13 @@ class FarSets:
         sealed = recorded_scenario(log).get("can", {}).get("keys") is not None
         self._frames: list[tuple[int, Frame]] = []
         for entry in log.can:
-            if entry.extended or entry.id & ~0xF not in FAR:
+            if entry.extended or not (entry.id & ~0xF in FAR or entry.id == Kind.TIME_SYNC):
                 continue
             frame = Frame(entry.id, bytes(entry.data), fd=entry.fd)
             plain = unsealed(frame)
-            if plain is not frame or not sealed:  # where keys are asked for, a plain frame was refused
+            if (
+                plain is not frame or not sealed or entry.id == Kind.TIME_SYNC
+            ):  # where keys are asked for, a plain frame was refused
                 self._frames.append((entry.t_ns, plain))
         self._next = 0
         self._last = -1
@@ -77,6 +79,8 @@ class FarSets:
             taken |= self._take(at_ns - 1)
             if frame.id == self._own:
                 self._note(frame)
+            elif frame.id == Kind.TIME_SYNC:
+                self._node.receive(at_ns, frame)
             else:
                 self._arrivals.takes(at_ns, frame)
         if self._arrivals.next_ns <= t_ns:

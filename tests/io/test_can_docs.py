@@ -9,7 +9,16 @@ import cantools
 from e2e import p01, p05
 
 from faultloop.io.can.dbc import DBC_PATH
-from faultloop.io.can.frames import Differential, Heartbeat, Measurements, Page, SampledValues, State, decode
+from faultloop.io.can.frames import (
+    Differential,
+    Heartbeat,
+    Measurements,
+    Page,
+    SampledValues,
+    State,
+    TimeSync,
+    decode,
+)
 from faultloop.io.can.table import MESSAGES, STATE_KINDS, Kind
 
 
@@ -38,7 +47,8 @@ def test_the_vectors_on_the_page(root):
     page = (root / "docs" / "can.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+\(.*\))` \| (0x\w+) \| `([0-9a-f ]+)` \|$", page, re.MULTILINE)
     names = {
-        c.__name__: c for c in (Differential, Heartbeat, Kind, Measurements, Page, SampledValues, State)
+        c.__name__: c
+        for c in (Differential, Heartbeat, Kind, Measurements, Page, SampledValues, State, TimeSync)
     } | {"nan": nan}
     database = cantools.database.load_file(DBC_PATH)
     seen = set()

@@ -66,12 +66,12 @@ def test_the_committed_dbc_is_the_generated_one():
 def test_the_dbc_has_every_message_of_the_contract():
     ranges = {
         Kind.TRIP: RELAYS, Kind.CLOSE: RELAYS, Kind.PILOT: RELAYS, Kind.DIFFERENTIAL: RELAYS,
-        Kind.TRANSFER: RELAYS, Kind.BREAKER_FAILURE: RELAYS, Kind.BREAKER_STATUS: BREAKERS,
+        Kind.TRANSFER: RELAYS, Kind.BREAKER_FAILURE: RELAYS, Kind.TIME_SYNC: 1, Kind.BREAKER_STATUS: BREAKERS,
         Kind.SAMPLED_VALUES: RELAYS, Kind.MEASUREMENTS: RELAYS, Kind.HEARTBEAT: NODES,
     }  # fmt: skip
     expected = {kind + n: message_name(kind, n) for kind, count in ranges.items() for n in range(count)}
     assert {message.frame_id: message.name for message in database().messages} == expected
-    values = [0x010, 0x020, 0x030, 0x040, 0x060, 0x070, 0x100, 0x180, 0x300, 0x700]
+    values = [0x010, 0x020, 0x030, 0x040, 0x060, 0x070, 0x0F0, 0x100, 0x180, 0x300, 0x700]
     assert [kind.value for kind in ranges] == values
     for row in MESSAGES:
         for n in (0, row.count - 1):

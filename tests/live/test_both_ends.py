@@ -80,6 +80,23 @@ def test_a_forger_who_knows_the_line_is_why_there_are_keys(tmp_path: Path) -> No
     assert any(trip[5] < FAULT_S * 4800 for trip in run.run())
 
 
+def test_clocks_that_the_plant_sets(tmp_path: Path) -> None:
+    """100 ms apart and drifting: by TIME_SYNC the processes have one time, and the fault trips both ends."""
+    text = (SCENARIOS / "line-differential.toml").read_text(encoding="utf-8")
+    text = text.replace('"settings/', f'"{SCENARIOS.as_posix()}/settings/')
+    clocks = "".join(
+        f'\n[[clock]]\nnode = "{node}"\noffset_us = {offset}\ndrift_ppm = {ppm}\n'
+        for node, offset, ppm in (("RA", -20_000.0, 100.0), ("RB", 80_000.0, -100.0))
+    )
+    (tmp_path / "s.toml").write_text(text + clocks + "\n[time_sync]\nperiod_s = 0.05\n", encoding="utf-8")
+    keys = ["scenario.duration_s=0.18", "fault.F1.resistance_ohm=100.0"]  # which no zone sees
+    run = OneProcess(faultloop.load_scenario(tmp_path / "s.toml", keys))
+    trips = run.run()
+    assert {trip[0] for trip in trips} == {"RA", "RB"}
+    assert {trip[1] for trip in trips} >= {"PDIF1"}
+    assert all(trip[5] > 0.1 * 4800 for trip in trips)
+
+
 @needs_vcan
 @pytest.mark.slow
 def test_on_vcan(root: Path) -> None:

@@ -18,4 +18,5 @@ FINE = 0
     INCONSISTENT,
     SEQUENCE,
     SETTINGS,
-) = range(1, 15)
+    JUMP,
+) = range(1, 16)

@@ -133,6 +133,7 @@ def _signal(row: SignalRow, number: int) -> Signal:
         is_multiplexer=row.name == "page",
         multiplexer_ids=None if row.page is None else [row.page],
         multiplexer_signal=None if row.page is None else "page",
+        byte_order="big_endian" if row.big_endian else "little_endian",
     )
 
 

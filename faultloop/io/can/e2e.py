@@ -21,7 +21,8 @@ from faultloop.jit import njit
 P01_COUNTERS = 15  # 15 is the value for "invalid": the counter goes 0 ... 14, 0
 
 
-def _table_of_one_byte(polynomial: int) -> NDArray[np.uint8]:
+def table_of_one_byte(polynomial: int) -> NDArray[np.uint8]:
+    """CRC-8 of every byte, most significant bit first."""
     table = np.empty(256, np.uint8)
     for byte in range(256):
         crc = byte
@@ -31,7 +32,7 @@ def _table_of_one_byte(polynomial: int) -> NDArray[np.uint8]:
     return table
 
 
-_STEP = _table_of_one_byte(0x1D)
+_STEP = table_of_one_byte(0x1D)
 
 
 def _table_of_two_bytes(polynomial: int) -> NDArray[np.uint16]:

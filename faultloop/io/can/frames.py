@@ -13,7 +13,7 @@ from struct import Struct
 from struct import error as StructError
 from typing import NamedTuple
 
-from faultloop.io.can import differential, port
+from faultloop.io.can import differential, port, time_sync
 from faultloop.io.can.e2e import crc16_p05
 from faultloop.io.can.record import Bytes, message_fields, new_frame, new_message, taken
 from faultloop.io.can.table import BY_IDENTIFIER, BY_KIND, CURRENT_LSB, VOLTAGE_LSB, Kind
@@ -46,6 +46,7 @@ class Rejection(Enum):
     INCONSISTENT = "other poles under the same state number"
     SEQUENCE = "out of sequence, and no further frame confirms it yet"
     SETTINGS = "of an end that is set otherwise"
+    JUMP = "a time that jumps"
 
     @property
     def code(self) -> int:
@@ -207,7 +208,22 @@ class Heartbeat(NamedTuple):
         return _encoded(*head, *(0,) * 5, self.state, self.alarms, self.rejected)
 
 
-Message = State | SampledValues | Measurements | Heartbeat | Differential
+class TimeSync(NamedTuple):
+    """A SYNC, or the follow-up that belongs to it."""
+
+    follow_up: bool
+    sequence: int
+    time: int  # seconds of T0, or nanoseconds from there to T1
+    overflow: int = 0  # seconds of a follow-up, and 4 where a gateway has lost the master
+    domain: int = 0
+
+    def encode(self) -> Frame:
+        page = time_sync.FOLLOW_UP if self.follow_up else time_sync.SYNC
+        head = (Kind.TIME_SYNC, 0, self.time, self.sequence, 0, self.domain)
+        return _encoded(*head, 0, 0, 0, self.overflow, 0, page)
+
+
+Message = State | SampledValues | Measurements | Heartbeat | Differential | TimeSync
 
 _SAMPLE_HEAD = Struct("<HBBI")
 _SIX = Struct("<6i")
@@ -285,6 +301,15 @@ def _decode_differential(kind: Kind, number: int, frame: Frame) -> Differential 
     )
 
 
+def _decode_time(kind: Kind, number: int, frame: Frame) -> TimeSync | Rejection:
+    message = new_message()
+    objection = time_sync.decode_time_bytes(new_frame(frame), message)
+    if objection:
+        return REJECTIONS[objection - 1]
+    _, _, time, sequence, _, domain, _, _, _, overflow, _, page, *_ = message_fields(message)
+    return TimeSync(page == time_sync.FOLLOW_UP, sequence, time, overflow, domain)
+
+
 def _decode_heartbeat(kind: Kind, number: int, frame: Frame) -> Heartbeat:
     return Heartbeat(number, *_HEARTBEAT.unpack(frame.data))
 
@@ -300,6 +325,7 @@ _DECODERS = {
     Kind.DIFFERENTIAL: _decode_differential,
     Kind.TRANSFER: _decode_state,
     Kind.BREAKER_FAILURE: _decode_state,
+    Kind.TIME_SYNC: _decode_time,
     Kind.BREAKER_STATUS: _decode_state,
     Kind.SAMPLED_VALUES: _decode_sampled_values,
     Kind.MEASUREMENTS: _decode_measurements,

@@ -15,6 +15,7 @@ from faultloop.io.can.differential import encode_set
 from faultloop.io.can.e2e import P01_COUNTERS, crc8
 from faultloop.io.can.record import FRAME, MESSAGE, Bytes, Record
 from faultloop.io.can.table import BY_IDENTIFIER, TICK_NS, Kind
+from faultloop.io.can.time_sync import TIME_SYNC, encode_time
 from faultloop.jit import njit
 
 TRIP, CLOSE, PILOT, TRANSFER, BREAKER_STATUS = (
@@ -63,6 +64,9 @@ def encode(m: Record, frame: Record) -> None:
     """A ``MESSAGE`` as the ``FRAME`` that carries it."""
     if m.kind == DIFFERENTIAL:
         encode_set(m, frame)
+        return
+    if m.kind == TIME_SYNC:
+        encode_time(m, frame)
         return
     frame.id = m.kind + m.number
     frame.length = STATE_BYTES

@@ -31,6 +31,7 @@ class Kind(IntEnum):
     DIFFERENTIAL = 0x040
     TRANSFER = 0x060
     BREAKER_FAILURE = 0x070
+    TIME_SYNC = 0x0F0
     BREAKER_STATUS = 0x100
     SAMPLED_VALUES = 0x180
     MEASUREMENTS = 0x300
@@ -62,6 +63,7 @@ class Signal(NamedTuple):
     comment: str = ""
     page: int | None = None  # multiplexed: present where `page` has this value
     choices: dict[int, str] | None = None
+    big_endian: bool = False  # its first bit is then the most significant one
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,20 @@ MESSAGES = (
         Kind.BREAKER_FAILURE, RELAYS, "RELAY", 8, False,
         "Its own breaker has failed: opens the poles of the breakers around. Repeated as GOOSE repeats.",
         _protected("1: open this pole"),
+    ),
+    MessageType(
+        Kind.TIME_SYNC, 1, "PLANT", 8, False,
+        "The time, as AUTOSAR's CanTSyn tells it: SYNC, then its follow-up.",
+        (
+            Signal("page", 0, 8, choices={0x20: "SYNC", 0x28: "FOLLOW_UP"}, comment="both with CRC"),
+            Signal("crc", 8, 8, comment="CRC-8H2F over bytes 2 to 7 and the data id of page and sequence"),
+            Signal("sequence", 16, 4, comment="0 to 15; a follow-up has its SYNC's"),
+            Signal("domain", 20, 4, comment="of the time base"),
+            Signal("overflow", 24, 2, unit="s", page=0x28, comment="OVS: seconds of T1 beyond those of T0"),
+            Signal("gateway", 26, 1, page=0x28, comment="SGW: 1: a gateway has lost the master"),
+            Signal("seconds", 39, 32, False, 1, "s", "of T0, since the run's start", 0x20, big_endian=True),
+            Signal("nanoseconds", 39, 32, False, 1, "ns", "from T0's seconds to T1", 0x28, big_endian=True),
+        ),
     ),
     MessageType(
         Kind.BREAKER_STATUS, BREAKERS, "BREAKER", 8, False,

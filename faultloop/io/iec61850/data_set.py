@@ -5,7 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from faultloop.io.can.frames import Differential, Heartbeat, Measurements, Message, Page, SampledValues, State
+from faultloop.io.can.frames import (
+    Differential,
+    Heartbeat,
+    Measurements,
+    Message,
+    Page,
+    SampledValues,
+    State,
+    TimeSync,
+)
 from faultloop.io.can.table import Kind
 from faultloop.io.iec61850.streams import Block, Member
 
@@ -35,7 +44,7 @@ def values_of(message: Message) -> list[Any]:
         case Heartbeat():
             time = (message.time + 2**31) % 2**32 - 2**31
             return [IntData(value) for value in (message.state, message.alarms, message.rejected, time)]
-        case SampledValues() | Differential():
+        case SampledValues() | Differential() | TimeSync():
             raise AssertionError(f"{type(message).__name__} is no GOOSE")
 
 

@@ -7,7 +7,15 @@ from collections import Counter
 from collections.abc import Collection
 
 from faultloop.errors import InputError
-from faultloop.io.can.frames import Differential, Frame, Measurements, Rejection, SampledValues, decode
+from faultloop.io.can.frames import (
+    Differential,
+    Frame,
+    Measurements,
+    Rejection,
+    SampledValues,
+    TimeSync,
+    decode,
+)
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.iec61850 import require
 from faultloop.io.iec61850.data_set import Refused
@@ -73,7 +81,7 @@ class Gateway:
             sample_count, *raw = _RAW.unpack(frame.data)
             return self.encode_sample(number, sample_count, tuple(raw), frame.data[3] & 0x3F)
         message = decode(frame)
-        if kind is None or isinstance(message, (Rejection, SampledValues, Differential)):
+        if kind is None or isinstance(message, (Rejection, SampledValues, Differential, TimeSync)):
             what = message if isinstance(message, Rejection) else type(message).__name__
             raise InputError(f"GOOSE carries no frame {frame.id:#05x} ({what})", key="goose")
         page = message.page.value if isinstance(message, Measurements) else 0

@@ -213,20 +213,44 @@ def channel(quick: bool) -> Iterator[Case]:
     ):
         yield Case(f"{name}, load", on_line(channel=keys, duration_s=0.5), own, NOBODY)
         yield Case(f"{name}, A-G inside", on_line(channel=keys, duration_s=0.5, fault=inside), own, later)
-    near = {name: Expected(True, "PDIS1", 20.0, event="PDIF1 ChBlk") for name in ("RA", "RB")}
+    near = {name: Expected(True, "PDIS1", 20.0, event="PDIF1 ChBlk: no currents") for name in ("RA", "RB")}
     gone = on_line(channel={"out_at_s": 0.1}, duration_s=0.5, fault=inside)
     yield Case("out, A-G inside: zones, and an alarm", gone, differential(zones=True), near)
     wrong = on_line(channel={"misrouted": "RA"}, duration_s=0.5, fault=inside)
     yield Case("this end's own sets come back", wrong, differential(zones=True), {"RB": near["RB"]})
     for lost in (0.0, 0.2):
         clock = [{"node": "RB", "drift_ppm": 100.0, "offset_us": 0.0, "lost_at_s": lost}]
-        told = Expected(False, event="PDIF1 ChBlk")
+        told = Expected(False, event="PDIF1 ChBlk: no currents")
         tables = on_line(clock=clock, duration_s=0.5)
         yield Case(f"time lost at {lost:g} s, load", tables, differential(), {"RA": told, "RB": told})
     apart = [{"node": "RB", "drift_ppm": 50.0, "offset_us": 123456.0, "lost_at_s": 0.0}]
     yield Case("clocks 123 ms apart, 50 ppm, by the round trip, load", on_line(clock=apart, duration_s=0.5),
                by_channel, NOBODY)  # fmt: skip
     yield Case("the same, A-G inside", on_line(clock=apart, duration_s=0.5, fault=inside), by_channel, later)
+
+
+def time(quick: bool) -> Iterator[Case]:
+    """Clocks that TIME_SYNC frames set: 100 ms apart and with 100 ppm each by themselves."""
+    own = differential()
+    clocks = [
+        {"node": "RA", "offset_us": -20_000.0, "drift_ppm": -100.0},
+        {"node": "RB", "offset_us": 80_000.0, "drift_ppm": 100.0},
+    ]
+    blocked = Expected(False, event="PDIF1 ChBlk: no currents")
+    told = dict.fromkeys(("RA", "RB"), blocked)
+    both = dict.fromkeys(("RA", "RB"), TRIP)
+    inside = [fault("AB", 0.5, "AG", start_s=0.35)]
+    for name, table, faults, expected in (
+        ("load", {}, [], NOBODY),
+        ("A-G inside", {}, inside, both),
+        ("stamps to 100 us, load", {"jitter_us": 100.0}, [], NOBODY),
+        ("stamps to 100 us, A-G inside", {"jitter_us": 100.0}, inside, both),
+        ("steps by 0.3 ms, load", {"step_at_s": 0.25, "step_us": 300.0}, [], NOBODY),
+        ("steps by 50 ms, load", {"step_at_s": 0.25, "step_us": 50_000.0}, [], told),
+        ("not told any more, load", {"out_at_s": 0.15, "timeout_s": 0.15}, [], told),
+    ):
+        tables = on_line(clock=clocks, time_sync={"period_s": 0.05} | table, fault=faults, duration_s=0.5)
+        yield Case(name, tables, own, expected)
 
 
 def three_ends(quick: bool) -> Iterator[Case]:
@@ -263,5 +287,6 @@ PARTS: dict[str, tuple[str, Callable[[bool], Iterator[Case]]]] = {
     "frequency": ("Off the nominal frequency", frequency),
     "asymmetry": ("Ways that differ", asymmetry),
     "channel": ("Channels and clocks that fail", channel),
+    "time": ("A time that the bus tells", time),
     "three-ends": ("Three ends", three_ends),
 }
