@@ -13,9 +13,9 @@ from faultloop.loop.outcome import Cast, Outcome, outcome_of
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CAN = "socketcan:vcan0"
-PACE = 0.1
+PACE = 0.05
 FAULT_S = 3.0
-"""RB is back by then: its process takes some 15 s of wall time to start in the tests' guest."""
+"""RB is back by then: its process takes 15 to 50 s of wall time to start in the tests' guest."""
 FAULTS = """
 [[bus_fault]]
 kind = "loss"

@@ -11,7 +11,7 @@ from faultloop.study.suites.schemes import report_of
 from faultloop.study.suites.schemes.network import Bench, Row
 
 PARTS = {name: title for name, (title, _) in cases.PARTS.items()}
-MEDIAN_MS, SLOWEST_MS = 15.0, 30.0
+MEDIAN_MS, SLOWEST_MS = 12.0, 30.0
 
 
 def run(parts: Sequence[str], *, quick: bool, progress: Callable[[float], Any]) -> list[Report]:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from faultloop.study.suites.distance.network import LINE
+from faultloop.study.suites.distance.network import BASE_KV, LINE
 from faultloop.study.suites.schemes.network import (
+    BEYOND_KM,
     FAULT_S,
     LENGTH_KM,
     TYPES,
+    Z1,
     Case,
     Expected,
     Tables,
@@ -192,6 +195,26 @@ def asymmetry(quick: bool) -> Iterator[Case]:
         if ms <= 2.0:
             trip = TRIP._replace(within_ms=40.0)
             yield Case(f"{ms:g} ms, BC inside, alpha", inside, own, {"RA": trip, "RB": trip})
+    yield from percentage_limits()
+
+
+LIMITS_MS = {1000.0: (3.0, 3.5), 2000.0: (2.25, 2.75)}
+"""Ways that differ by so much: the percentage holds, and trips; 3.22 and 2.56 ms in closed form."""
+
+
+def percentage_limits() -> Iterator[Case]:
+    """1 and 2 times 1000 A of load through the line: where the percentage trips."""
+    whole = 14.0 + 20.0 + abs(Z1) * (LENGTH_KM + BEYOND_KM) / LENGTH_KM
+    for amperes, limits in LIMITS_MS.items():
+        half = math.asin(amperes * whole * math.sqrt(3) / (2e3 * BASE_KV))
+        for ms, trips in zip(limits, (False, True), strict=True):
+            tables = on_line(channel={"delay_ms": 5.0, "asymmetry_ms": ms}, duration_s=0.3)
+            tables["source"][0]["angle_deg"] = 2 * math.degrees(half)
+            expected = Expected(trips, "PDIF1" if trips else None)
+            for rule in ("percentage", "alpha"):
+                own = differential(alignment="channel", sequence=False, characteristic=rule)
+                each = expected if rule == "percentage" else NONE
+                yield Case(f"{ms:g} ms, load of {amperes:g} A, {rule}", tables, own, {"RA": each, "RB": each})
 
 
 def channel(quick: bool) -> Iterator[Case]:
@@ -213,6 +236,11 @@ def channel(quick: bool) -> Iterator[Case]:
     ):
         yield Case(f"{name}, load", on_line(channel=keys, duration_s=0.5), own, NOBODY)
         yield Case(f"{name}, A-G inside", on_line(channel=keys, duration_s=0.5, fault=inside), own, later)
+    high = [fault("AB", 0.5, "AG", start_s=0.25, resistance_ohm=300.0)]
+    sensitive = {name: Expected(True, "PDIF1", 100.0) for name in ("RA", "RB")}
+    for loss in (0.0, 0.05, 0.2):
+        tables = on_line(channel={"delay_ms": 5.0, "loss": loss}, duration_s=0.4, fault=high)
+        yield Case(f"loss {100 * loss:g} %, A-G through 300 ohm", tables, differential(), sensitive)
     near = {name: Expected(True, "PDIS1", 20.0, event="PDIF1 ChBlk: no currents") for name in ("RA", "RB")}
     gone = on_line(channel={"out_at_s": 0.1}, duration_s=0.5, fault=inside)
     yield Case("out, A-G inside: zones, and an alarm", gone, differential(zones=True), near)
@@ -237,14 +265,13 @@ def time(quick: bool) -> Iterator[Case]:
         {"node": "RB", "offset_us": 80_000.0, "drift_ppm": 100.0},
     ]
     blocked = Expected(False, event="PDIF1 ChBlk: no currents")
-    told = dict.fromkeys(("RA", "RB"), blocked)
-    both = dict.fromkeys(("RA", "RB"), TRIP)
+    told = {"RA": blocked, "RB": blocked}
     inside = [fault("AB", 0.5, "AG", start_s=0.35)]
     for name, table, faults, expected in (
         ("load", {}, [], NOBODY),
-        ("A-G inside", {}, inside, both),
+        ("A-G inside", {}, inside, BOTH),
         ("stamps to 100 us, load", {"jitter_us": 100.0}, [], NOBODY),
-        ("stamps to 100 us, A-G inside", {"jitter_us": 100.0}, inside, both),
+        ("stamps to 100 us, A-G inside", {"jitter_us": 100.0}, inside, BOTH),
         ("steps by 0.3 ms, load", {"step_at_s": 0.25, "step_us": 300.0}, [], NOBODY),
         ("steps by 50 ms, load", {"step_at_s": 0.25, "step_us": 50_000.0}, [], told),
         ("not told any more, load", {"out_at_s": 0.15, "timeout_s": 0.15}, [], told),

@@ -128,6 +128,8 @@ def _streams(identifiers: Sequence[int]) -> list[tuple[int, Message]]:
             time_ns, period_ns = LONGEST_FD_NS, round(SECOND_NS / SETS_PER_S)
         elif kind is Kind.MEASUREMENTS:
             period_ns, count = SECOND_NS // 10, PAGES
+        elif kind is Kind.TIME_SYNC:
+            period_ns, count = SECOND_NS // 10, 2
         elif kind is Kind.HEARTBEAT:
             period_ns = SECOND_NS
         out += [(identifier, Message(f"{kind.name}", time_ns, period_ns)) for _ in range(count)]

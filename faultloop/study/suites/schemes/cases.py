@@ -271,6 +271,8 @@ def on_the_bus() -> Iterator[Case]:
     fd = {"fd": True}
     own = settings(pdif={"pickup_a": 200.0})
     yield Case("line differential, two ends", single_line(duration_s=1.0, fault=faults, can=fd), own, {})
+    told = single_line(duration_s=1.0, fault=faults, can=fd, time_sync={})
+    yield Case("line differential, two ends, a time that the bus tells", told, own, {})
     inside = [fault("AT", 0.5, "AG", start_s=0.5)]
     yield Case("line differential, three ends", three_ended(inside, duration_s=1.0, can=fd), own, {})
 
