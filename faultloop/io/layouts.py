@@ -1,8 +1,10 @@
-"""Layouts of viewers for a log: Foxglove (and Lichtblick) as JSON, PlotJuggler as XML.
+"""Layouts of viewers for a log: Foxglove as JSON, PlotJuggler as XML.
 
 Foxglove's current form is a tree of splits, tabs and panels (``foxglove.layouts``, schema 0.62 of
 foxglove-sdk 0.30); PlotJuggler 4 reads ``<root pj4_version="4">`` with tabs of dock splitters, in which a
-curve is known by its topic and field, and not by a name (its sources and tests).
+curve is known by its topic and field, and not by a name (its sources and tests).  PlotJuggler 3 reads the
+same tree, and knows a curve by its name, ``/topic/field`` (sources of 3.17: plotwidget.cpp, plot_docker.cpp,
+dataload_mcap.cpp): both are given.
 """
 
 from __future__ import annotations
@@ -21,6 +23,13 @@ from faultloop.io.view import WORDS, booleans, view_topic
 
 COLOURS = ("#D55E00", "#009E73", "#0072B2")
 LOOP_COLOURS = (*COLOURS, "#B8860B", "#56B4E9", "#CC79A7")
+PLOTJUGGLER_3 = {
+    "max_array_size": "500",
+    "use_timestamp": "0",
+    "use_mcap_log_time": "1",
+    "clamp_large_arrays": "1",
+}
+"""What its loader of MCAP is told, or it asks."""
 Curves = list[tuple[str, str, str]]
 """Topic, field, colour."""
 
@@ -132,6 +141,7 @@ def plotjuggler(log: Log, files: Sequence[str]) -> ET.Element:
         _time_tab(widget, relay, [*waves(relay), (f"{relay} elements", states(log, relay))], numbers)
         _plane_tab(widget, relay, numbers)
     ET.SubElement(widget, "currentTabIndex", index="0")
+    topics = ";".join(sorted({one.get("topic") or one.get("x_topic", "") for one in root.iter("curve")}))
     ET.SubElement(root, "data_processors")
     loaded = ET.SubElement(root, "previouslyLoaded_Datafiles")
     for file in files:
@@ -140,6 +150,7 @@ def plotjuggler(log: Log, files: Sequence[str]) -> ET.Element:
         loader = {"ID": "MCAP Loader", "manifest_id": "mcap-loader", "filepath_mode": "source"}
         plugin = ET.SubElement(info, "plugin", loader)
         plugin.text = json.dumps({"filepath": file, "use_log_time": True})
+        ET.SubElement(plugin, "parameters", PLOTJUGGLER_3 | {"selected_topics": topics})
     return root
 
 
@@ -161,7 +172,8 @@ def _time_tab(
         plot = ET.SubElement(area, "plot", id=next(numbers), mode="TimeSeries", style=style, title=title)
         ET.SubElement(plot, "limitY")
         for topic, field, colour in curves:
-            ET.SubElement(plot, "curve", topic=topic, field=field, color=colour or "#26436B")
+            known = {"topic": topic, "field": field, "name": f"{topic}/{field}"}
+            ET.SubElement(plot, "curve", known | {"color": colour or "#26436B"})
 
 
 def _plane_tab(widget: ET.Element, relay: str, numbers: Iterator[str]) -> None:
@@ -170,4 +182,5 @@ def _plane_tab(widget: ET.Element, relay: str, numbers: Iterator[str]) -> None:
     plot = ET.SubElement(area, "plot", id=next(numbers), mode="XYPlot", style="Lines")
     for topic, r, x, colour in loci(relay):
         path = {"x_topic": topic, "x_field": r, "y_topic": topic, "y_field": x}
+        path |= {"curve_x": f"{topic}/{r}", "curve_y": f"{topic}/{x}"}
         ET.SubElement(plot, "curve", path | {"name": x[:2].upper(), "color": colour})

@@ -37,6 +37,8 @@ def log_to_comtrade(
         raise InputError(f"no relay '{relay}'; {nearest(relay, log.relays)}", file=log.path, key="--relay")
     check_kind(path, revision, format)
     names = log.relays if relay is None else (relay,)
+    if not names:
+        raise InputError("holds no sampled values to export", file=log.path)
     measured = _Measured(len(names))
     for rows in _rows(log, names):
         measured.take(rows)

@@ -107,7 +107,7 @@ def _retrace(log: Log, name: str) -> Retraced:
         part = slice(int(piece[0]), int(piece[-1]) + 1)
         if count:
             run.restart()
-        turned = np.ascontiguousarray(values(phasors[part]))
+        turned = np.array(values(phasors[part]), order="C")
         if scenario is None:
             turned[:, :12].view(np.complex128)[...] *= _turn(relay, int(numbers[part.start]))
         run.run(

@@ -105,6 +105,9 @@ def test_a_plotjuggler_layout_has_its_tabs_and_curves(log: Log, made: Path) -> N
     ways = [[c.get(k) for k in ("x_topic", "x_field", "y_topic", "y_field")] for c in plane]
     loops = "/relay/R1/loops"
     assert len(ways) == 6 and ways[0] == [loops, "ag_r", loops, "ag_x"]
+    assert [plane[0].get(k) for k in ("curve_x", "curve_y")] == [f"{loops}/ag_r", f"{loops}/ag_x"]
+    named = [c for plot in root.iter("plot") if plot.get("mode") == "TimeSeries" for c in plot.iter("curve")]
+    assert all(c.get("name") == f"{c.get('topic')}/{c.get('field')}" for c in named)
     known = {name for topic in (loops, "/relay/R1/samples") for name in log.array(topic).dtype.names or ()}
     assert {field for way in ways for field in way[1::2]} <= known
     ids = [e.get("id") for e in root.iter() if e.get("id") is not None]
@@ -114,6 +117,8 @@ def test_a_plotjuggler_layout_has_its_tabs_and_curves(log: Log, made: Path) -> N
     for info in root.iter("fileInfo"):
         told = json.loads(info.findtext("plugin") or "")
         assert told["filepath"] == info.get("filename")
+        asked = info.find("plugin/parameters")
+        assert asked is not None and loops in (asked.get("selected_topics") or "").split(";")
     files = [one.get("filename") for one in root.iter("fileInfo")]
     assert files == [str(log.path), str(made / "v.mcap")]
 

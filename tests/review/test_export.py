@@ -91,3 +91,10 @@ def test_memory_does_not_grow_with_the_log(tmp_path: Path) -> None:
 
     short, long = peak(12), peak(36)  # some 28 and 85 MB of messages, in windows of 16
     assert long < 1.3 * short
+
+
+def test_a_log_without_relays_is_one_line(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "frames.mcap", START_NS):
+        pass
+    with pytest.raises(InputError, match="holds no sampled values to export"):
+        log_to_comtrade(open_log(tmp_path / "frames.mcap"), tmp_path / "x.cfg")

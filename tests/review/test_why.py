@@ -140,3 +140,9 @@ def test_of_a_line_differential_what_the_ends_compared(root: Path, tmp_path: Pat
     # 127 kV over 300 ohm and what the network adds: 417 A in phase A, pickup 200 A
     assert 1.9 < seen.m < 2.3 and "in phase A" in seen.text
     assert not outside.operated and outside.cause == "pickup" and outside.m is not None and outside.m < 0.5
+
+
+def test_a_log_of_a_single_sample(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "one.mcap", {}, fault("BC", 0.7)[:1], None)
+    assert call(["why", str(path)]) in (0, 2)
+    assert "Traceback" not in capsys.readouterr().err
