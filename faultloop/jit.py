@@ -292,12 +292,18 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """``numba.njit`` with a file cache and IEEE arithmetic; ``@njit`` or ``@njit(inline="always")``.
 
     With ``signature_or_function`` it is compiled at once, for that signature only.
+
+    A kernel of faultloop's is lent its arrays and makes none, so it counts no references to them: each call
+    that passes a network's hundred arrays counted them up and down.  One that does make an array says
+    ``heap=True``; numba refuses it otherwise.  A user's kernel may always.
     """
     options = {"cache": True, "fastmath": False, "error_model": "numpy"} | options
     kept, signature = options.pop("cache"), options.pop("signature_or_function", None)
+    heap = options.pop("heap", False)
 
     def decorate(function: Callable[..., Any]) -> Any:
-        kernel = linking.kernel(function, options)
+        counts = heap or not function.__module__.startswith("faultloop.")
+        kernel = linking.kernel(function, options | {"_nrt": counts})
         if kept:
             _keep(kernel, function)
         if signature is not None:

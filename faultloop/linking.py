@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
-from numba.core import registry, sigutils
+from numba.core import registry, sigutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.environment import lookup_environment
@@ -128,19 +128,30 @@ def _compiling(function: Any) -> Iterator[None]:
         _own.pop()
 
 
-class _PartCompiler(Compiler):
+class _Compiler(Compiler):
+    def compile_extra(self, func: Any) -> Any:
+        with _compiling(func):
+            compiled: Any = super().compile_extra(func)
+        if not self.state.flags.nrt and _has_array(compiled.signature.return_type):
+            raise AssertionError(f"{func.__qualname__} returns an array without counting a reference to it")
+        return compiled
+
+
+class _PartCompiler(_Compiler):
     def compile_extra(self, func: Any) -> Any:
         self.state.library = _Part(self.state.targetctx.codegen(), func.__qualname__)
-        with _compiling(func):
-            return super().compile_extra(func)
+        return super().compile_extra(func)
 
 
-class _RootCompiler(Compiler):
+class _RootCompiler(_Compiler):
     def compile_extra(self, func: Any) -> Any:
         self.state.library = _Root(self.state.targetctx.codegen(), func.__qualname__)
         self.state.library.enable_object_caching()
-        with _compiling(func):
-            return super().compile_extra(func)
+        return super().compile_extra(func)
+
+
+def _has_array(kind: Any) -> bool:
+    return isinstance(kind, types.Buffer) or any(_has_array(part) for part in getattr(kind, "types", ()))
 
 
 class Kernel(Dispatcher):

@@ -258,19 +258,17 @@ def take_changes(course: Course, x: Exchange, switches: Any, t_ns: int) -> bool:
 
 
 @njit
-def samples_of(course: Course, bank: Any, i: int, row: int) -> NDArray[np.float64]:
-    """What a relay measures in a row, (1, 6) or (1, WIDE)."""
+def widen(course: Course, bank: Any, i: int, row: int) -> None:
+    """What a relay measures in a row, with what it measures beside its own six, into its (WIDE,)."""
     r, wide = bank.relay[i], bank.wide[i]
-    if r.across < 0 and r.beside < 0:
-        return course.samples[row, i : i + 1]
     for k in range(6):
         wide[k] = course.samples[row, i, k]
     for k in range(3):
         wide[6 + k] = course.samples[row, r.across, k] if r.across >= 0 else np.nan
     wide[9] = np.nan
     if r.beside >= 0:
-        wide[9] = course.samples[row, r.beside, 3:].sum()
-    return bank.wide[i : i + 1]
+        wide[9] = course.samples[row, r.beside, 3] + course.samples[row, r.beside, 4]
+        wide[9] += course.samples[row, r.beside, 5]
 
 
 @njit
@@ -281,11 +279,15 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     phasors = q.phasors
     q.number = c.sample - 1
     row = c.sample - c.base
+    samples = course.samples[row, i : i + 1]
+    if r.across >= 0 or r.beside >= 0:
+        widen(course, bank, i, row)
+        samples = bank.wide[i : i + 1]
     decide_block = kernels.decide
     decide_block(
         bank.constants[i : i + 1],
         bank.state[i : i + 1],
-        samples_of(course, bank, i, row),
+        samples,
         bank.phasors[i, row : row + 1],
         bank.loops[i, row : row + 1],
         bank.words[i, row : row + 1],

@@ -78,7 +78,7 @@ def symbolic(count: int, pairs: Iterable[tuple[int, int]]) -> Structure:
     return Structure(pointer, np.array([j for r in rows for j in r], dtype=np.int64))
 
 
-@njit
+@njit(heap=True)
 def factorize(structure: Structure, diagonal: NDArray[np.float64], lower: NDArray[np.float64]) -> None:
     """In place: ``diagonal`` (n, 9) and ``lower`` (blocks, 9) of the matrix become D^-1 and L."""
     product = np.empty(9)

@@ -110,7 +110,7 @@ def new_switches(
     )
 
 
-@njit
+@njit(inline="always")
 def present(switches: Switches) -> Factor:
     """The factor of the present state."""
     f, k = switches.factor, switches.control[0].state
@@ -152,7 +152,7 @@ def next_step(switches: Switches) -> int:
     return step
 
 
-@njit
+@njit(heap=True)
 def take_orders(switches: Switches, now: int) -> None:
     """What breakers have been ordered to do becomes actions, not before step ``now``."""
     c = switches.control[0]

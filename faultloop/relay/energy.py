@@ -76,8 +76,8 @@ def rest(g: Record, e: Record, ready: bool) -> None:
     e.count += 1
     if 2 * e.count >= g.cycle:
         e.count = 0
-        e.before[:] = e.now
-        e.now[:] = 0.0
+        for p in range(3):
+            e.before[p], e.now[p] = e.now[p], 0.0
 
 
 @njit

@@ -47,7 +47,7 @@ def loop_values(r: Record, back: int, loop: int) -> tuple[float, float, float]:
     return x[first] - x[second], x[3 + first] - x[3 + second], 0.0
 
 
-@njit
+@njit(heap=True)
 def gather(g: Record, r: Record, drop: Drop, loop: int, means: Means, window: int) -> Sums:
     """Sums over the window of uu uv vv uf ff vf u v f: v the voltage, u the drop along the reach, f the
     fault's current, each averaged over ``means``, two counts of values, one after the other; ``drop``: the

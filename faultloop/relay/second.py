@@ -46,7 +46,7 @@ def forget(s: Record) -> None:
     s.settled = s.active = s.age = 0
 
 
-@njit
+@njit(heap=True)
 def settle(g: Record, q: Record) -> None:
     """At a snapshot: keep the state of a quarter of a cycle ago where nothing has moved since."""
     s, m = q.second, q.memory

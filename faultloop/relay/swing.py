@@ -130,7 +130,7 @@ def follow(m: Record, t: Record) -> None:
     t.frame *= m.rotor
 
 
-@njit
+@njit(heap=True)
 def is_off(g: Record, q: Record) -> bool:
     """Whether the phasors are not where the swing would be: perhaps a fault, from which nothing is
     learned."""
@@ -141,7 +141,7 @@ def is_off(g: Record, q: Record) -> bool:
     return weight(g, apart) > OFF**2 * weight(g, m.reference)
 
 
-@njit
+@njit(heap=True)
 def drift(g: Record, q: Record, t: Record) -> None:
     """At a snapshot in a fault: what has moved since the last one is what the change has, not the swing."""
     step = np.empty(6, np.complex128)

@@ -111,7 +111,7 @@ def state_fields(identifier: int, payload: int) -> tuple[int, int, int, int, int
     return objection, counter, poles, test, st_num, sq_num, time
 
 
-@njit
+@njit(heap=True)
 def _crc(identifier: int, payload: int) -> int:
     data = np.empty(STATE_BYTES, np.uint8)
     _put(data, 0, payload, STATE_BYTES)

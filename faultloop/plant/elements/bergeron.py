@@ -168,7 +168,7 @@ def wave_histories(net: Waves, ring: Floats, arriving: Floats, step: int) -> Non
         h[5] = -far * zero_start - near * zero_end
 
 
-@njit
+@njit(heap=True)
 def wave_histories_at(net: Waves, ring: Floats, arriving: Floats, now: float, newest: int) -> None:
     """The same at a time ``now`` [steps] off the grid: by a cubic through the four nearest steps that are
     known, the last of them ``newest``."""

@@ -94,7 +94,7 @@ def square(state: Array, start: int, n: int) -> Array:
     return state[start : start + n * n].reshape((n, n))
 
 
-@njit
+@njit(inline="always")
 def filter_of(state: Array, c: int) -> HarmonicFilter:
     """The filter of channel c."""
     n = int(state[STATES])
@@ -117,7 +117,7 @@ def filter_of(state: Array, c: int) -> HarmonicFilter:
     )
 
 
-@njit
+@njit(inline="always")
 def seen_of(state: Array) -> Seen:
     """What a transform of the measurement overwrites."""
     n = int(state[STATES])

@@ -103,7 +103,7 @@ def classify(g: Record, c: Record, d: NDArray, change: NDArray) -> int:
     return 5 if bc >= ca else 6
 
 
-@njit
+@njit(heap=True)
 def classify_without_load(g: Record, q: Record, c: Record) -> int:
     """The type if the load had gone: the currents as they are, the voltages' change."""
     d = q.d.copy()
@@ -171,7 +171,7 @@ def is_fed(q: Record, phases: int) -> bool:
     return False
 
 
-@njit
+@njit(heap=True)
 def watch_second(g: Record, q: Record, c: Record, w: Record) -> None:
     """Type and side of a second fault, by the change against what the first has settled to.
 

@@ -140,8 +140,8 @@ def chosen(which: Flags, a: Triple, b: Triple) -> Triple:
 
 
 @njit
-def smooth(state: Array, models: Models, x: Array) -> Array:
-    """The mean of the last samples; not a number while one of them is missing."""
+def smooth(state: Array, models: Models, x: Array) -> None:
+    """The mean of the last samples, to SMOOTH; not a number while one of them is missing."""
     taps, ring = int(state[TAPS]), place(models, LIST_COUNT)
     newest = ring + CHANNELS * (int(state[N]) % taps)
     for c in range(CHANNELS):
@@ -151,11 +151,9 @@ def smooth(state: Array, models: Models, x: Array) -> Array:
     for at in range(ring, ring + CHANNELS * taps, CHANNELS):
         v = plus(v, (state[at], state[at + 1], state[at + 2]))
         i = plus(i, (state[at + 3], state[at + 4], state[at + 5]))
-    mean = state[SMOOTH : SMOOTH + CHANNELS]
     for c in range(3):
-        mean[c] = v[c] * state[SCALE]
-        mean[3 + c] = i[c] * state[SCALE]
-    return mean
+        state[SMOOTH + c] = v[c] * state[SCALE]
+        state[SMOOTH + 3 + c] = i[c] * state[SCALE]
 
 
 @njit
@@ -435,7 +433,8 @@ def learn(state: Array, models: Models, y: Array, sampled: Flags, cos: float, si
 @njit
 def step(state: Array, models: Models, x: Array, out: Array) -> None:
     """One sample of six channels into a row of phasors."""
-    y = smooth(state, models, x)
+    smooth(state, models, x)
+    y = state[SMOOTH : SMOOTH + CHANNELS]
     follow_level(state, y)
     ahead = state[SHIFT] + state[TURN]
     ahead -= 2.0 * math.pi * math.floor(ahead / (2.0 * math.pi) + 0.5)

@@ -83,12 +83,12 @@ CURRENT = VOLTAGE + 15  # three of: x0 x1 x2 p00 p01 p02 p11 p12 p22
 LENGTH = CURRENT + 27
 
 
-@njit
+@njit(inline="always")
 def voltage_of(state: Array, c: int) -> Array:
     return state[VOLTAGE + 5 * c : VOLTAGE + 5 * c + 5]
 
 
-@njit
+@njit(inline="always")
 def current_of(state: Array, c: int) -> Array:
     return state[CURRENT + 9 * c : CURRENT + 9 * c + 9]
 

@@ -138,7 +138,7 @@ def renew(state: Array, root: Array, states: Array, t: float) -> None:
         root[2 * m + 1, 2 * m + 1] = state[PRIOR + m]
 
 
-@njit
+@njit(heap=True)
 def collect(state: Array, x: Array, row: Array, root: Array, states: Array) -> None:
     """A row of the least squares, a missing sample as predicted; after the last one, section 2.2's start."""
     normal = state[NORMAL:RIGHT].reshape((UNKNOWNS, UNKNOWNS))
