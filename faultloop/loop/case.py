@@ -19,12 +19,14 @@ from faultloop.loop.inputs import check_settings
 from faultloop.loop.outcome import Cast, Fold, Outcome
 from faultloop.loop.recording import MemorySink, Recorder, Sink
 from faultloop.loop.scenario import Scenario
+from faultloop.loop.traffic import is_same_bus
 from faultloop.loop.warm import WarmStates
 from faultloop.plant import Plants
 from faultloop.relay import Relay, RelaySettings, load_settings
 
 KEPT = 1000
 """Settings that are known by sight."""
+KEPT_LOOPS = 8
 
 
 @dataclass
@@ -44,30 +46,24 @@ class CaseOutcome(Outcome):
 class Prepared:
     """A case that is ready to run, as often as wanted; one at a time of the `Cases` that prepared it."""
 
-    def __init__(
-        self, scenario: Scenario, relays: Mapping[str, _Kept], warm: WarmStates, plants: Plants
-    ) -> None:
+    def __init__(self, scenario: Scenario, relays: Mapping[str, _Kept], loops: _Loops) -> None:
         self.scenario = scenario
-        self._relays = relays
-        self._warm, self._plants = warm, plants
+        self._relays, self._loops = relays, loops
 
     def run(self, sinks: Sequence[Sink] = (), *, texts: bool = True) -> CaseOutcome:
         """The whole case; `sinks` (`faultloop.loop.recording.MemorySink`) get its samples and estimates.
         Without ``texts`` the outcome has no `events`, which take a tenth of a case's time."""
         scenario = self.scenario
         relays = {name: kept.as_new() for name, kept in self._relays.items()}
-        bus = Transport.alone(scenario.can)
         fold = Fold(Cast.of_scenario(scenario), texts=texts)
         curious = [sink for sink in sinks if not isinstance(sink, MemorySink)]
         recorder = Recorder([fold, *sinks], None if curious else fold.count_frames)
-        loop = ClosedLoop(
-            scenario, relays, recorder, bus, warm_up=self._warm.warm_up, plant_of=self._plants.plant
-        )
+        loop = self._loops.loop(scenario, relays, recorder)
         loop.run()
         return CaseOutcome(
             **vars(fold.outcome()),
             fault_locations={name: relay.fault_location for name, relay in relays.items()},
-            bus_load=bus.load(loop.simulated_ns),
+            bus_load=loop.bus_load,
         )
 
 
@@ -83,8 +79,7 @@ class Cases:
         self._relays: dict[tuple[str, str], _Kept] = {}
         self._known: dict[tuple[str, int], tuple[RelaySettings, _Kept]] = {}
         """By the settings' identity: to write them down takes longer than to look here."""
-        self._warm = WarmStates()
-        self._plants = Plants()
+        self._loops = _Loops()
 
     def prepare(self, scenario: Scenario, settings: Mapping[str, RelaySettings] | None = None) -> Prepared:
         """A case of `scenario`.
@@ -108,7 +103,7 @@ class Cases:
         check_settings(scenario, own)
         names = [place.name for place in scenario.relay]
         kept = {name: self._kept(name, own[name]) for name in names}
-        return Prepared(scenario, kept, self._warm, self._plants)
+        return Prepared(scenario, kept, self._loops)
 
     def _load(self, path: Any) -> RelaySettings:
         if path not in self._files:
@@ -126,6 +121,29 @@ class Cases:
             self._known.clear()
         self._known[name, id(settings)] = settings, self._relays[key]
         return self._relays[key]
+
+
+class _Loops:
+    """Loops for one case after the other: what does not change from case to case is made once."""
+
+    def __init__(self) -> None:
+        self._warm, self._plants = WarmStates(), Plants()
+        self._kept: list[ClosedLoop] = []
+
+    def loop(self, scenario: Scenario, relays: Mapping[str, Relay], recorder: Recorder) -> ClosedLoop:
+        """One at the beginning of a scenario; the one that was given before may be the same."""
+        wanted = [relays[place.name] for place in scenario.relay]
+        for place, loop in enumerate(self._kept):
+            if loop.relays == wanted and is_same_bus(loop.scenario, scenario):
+                self._kept.insert(0, self._kept.pop(place))
+                loop.begin_again(scenario, recorder, self._plants.plant(scenario))
+                return loop
+        bus = Transport.alone(scenario.can)
+        own = {"warm_up": self._warm.warm_up, "plant_of": self._plants.plant}
+        loop = ClosedLoop(scenario, relays, recorder, bus, **own)
+        loop.keep()
+        self._kept = [loop, *self._kept[: KEPT_LOOPS - 1]]
+        return loop
 
 
 class _Kept:

@@ -68,26 +68,16 @@ class ClosedLoop:
         warm_up: Callable[[Scenario, Sequence[Relay]], None] = warm_up,
         plant_of: Callable[[BusTables], Plant] = Plant,
     ) -> None:
-        self.scenario = scenario
         self._warm_up = warm_up
         left_out = _breakers_left_out(scenario, without)
-        self.plant = plant_of(with_followed_breakers(scenario, left_out) if left_out else scenario)
         self.relays = [relays[place.name] for place in scenario.relay]
-        self.recorder = recorder
-        self.clock = SampleClock(self.plant.sampling_hz)
-        self.total = self.clock.first_from(round(scenario.scenario.duration_s * 1e9))
         self._breaker_names = [b.name for b in scenario.breaker]
         self._relay_names = [place.name for place in scenario.relay]
-        self._bank = bank_of(self.relays, ROWS)
-        for own, rows in zip(self._bank.relay, more_rows(scenario.relay), strict=True):
-            own["across"], own["beside"] = rows
-        closed = [self.plant.closed(name) for name in self._breaker_names]
-        self._course = new_course(closed, measured_rows(scenario.relay), self.clock, ROWS)
-        self._course.clock["end"] = self.total
-        self._now = self._course.clock[0]
+        self._set_up(
+            scenario, recorder, plant_of(with_followed_breakers(scenario, left_out) if left_out else scenario)
+        )
         self._traffic = Traffic(scenario, bus, recorder, self, left_out)
-        for number, seat in self._traffic.seats.items():
-            self._course.breaker["seat"][number] = seat
+        self._seat()
         self._cold: list[Any] = []  # the relays' states before anything was measured
         self.deadlines = Deadlines(self.clock.ns(1))
         """Of the blocks, in a run that is paced."""
@@ -97,6 +87,32 @@ class ClosedLoop:
         self._pace = pace
         # In real time a block must not keep anybody waiting; in simulated time it may be long.
         self._block = ROWS if pace is None else max(1, self.clock.sampling_hz // 1000)
+
+    def _set_up(self, scenario: Scenario, recorder: Recorder, plant: Plant) -> None:
+        self.scenario, self.recorder, self.plant = scenario, recorder, plant
+        self.clock = SampleClock(plant.sampling_hz)
+        self.total = self.clock.first_from(round(scenario.scenario.duration_s * 1e9))
+        self._bank = bank_of(self.relays, ROWS)
+        for own, rows in zip(self._bank.relay, more_rows(scenario.relay), strict=True):
+            own["across"], own["beside"] = rows
+        closed = [plant.closed(name) for name in self._breaker_names]
+        self._course = new_course(closed, measured_rows(scenario.relay), self.clock, ROWS)
+        self._course.clock["end"] = self.total
+        self._now = self._course.clock[0]
+
+    def _seat(self) -> None:
+        for number, seat in self._traffic.seats.items():
+            self._course.breaker["seat"][number] = seat
+
+    def keep(self) -> None:
+        """To `begin_again` from the state that it has now."""
+        self._traffic.keep()
+
+    def begin_again(self, scenario: Scenario, recorder: Recorder, plant: Plant) -> None:
+        """As a new one of `scenario`, which has the same bus (`is_same_bus`), for the same relays."""
+        self._set_up(scenario, recorder, plant)
+        self._traffic.begin_again(scenario, recorder)
+        self._seat()
 
     # -- the clock ------------------------------------------------------------------------------------------
 
@@ -116,6 +132,11 @@ class ClosedLoop:
         self._traffic.end(self.simulated_ns)
 
     @property
+    def bus_load(self) -> float:
+        """Part of the time so far in which the bus was busy, 0 to 1."""
+        return self._traffic.bus.load(self.simulated_ns)
+
+    @property
     def sample_count(self) -> int:
         """Number of the next sample."""
         return int(self._now["sample"])
@@ -125,7 +146,7 @@ class ClosedLoop:
         self._now["stop"] = stop
         code = 0
         while code != drive.STOPPED:
-            code = self._follow()
+            code = drive.go_on(self._course, self._traffic.x, self.plant.parts, self._bank)
             if code == drive.ESTIMATE:
                 self._estimate()
             elif code == drive.ORDERS:
@@ -142,10 +163,6 @@ class ClosedLoop:
         """What is to run (`drive.compile_loop`)."""
         loop = (self._course, self._traffic.x, self.plant.parts, self._bank)
         drive.compile_loop(*loop, backwards=backwards)
-
-    def _follow(self) -> int:
-        loop = (self._course, self._traffic.x, self.plant.parts, self._bank)
-        return drive.follow(*loop, drive.kernels_for(*loop))
 
     def _estimate(self) -> None:
         """What the plant has made, by estimators that are not compiled."""

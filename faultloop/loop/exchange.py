@@ -8,7 +8,8 @@ key, a fault on the bus, an attacker, a device on a real bus), `serve` stops, an
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,6 +128,11 @@ def new_exchange(nodes: Nodes, bus: Bus, channels: Channels) -> Exchange:
         np.zeros(IDENTIFIERS + 1, np.int64),
         channels,
     )
+
+
+def remembered(x: Exchange) -> Iterator[NDArray[Any]]:
+    """The arrays of which what is in them now has a part in what comes."""
+    yield from (x.control, x.seats, *x.nodes, *x.bus, x.counted)
 
 
 @njit

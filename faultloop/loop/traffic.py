@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Protocol
 
+import numpy as np
+
 from faultloop.config.bus_fault import PLANT, BusFault
 from faultloop.io.can.confinement import STATES
 from faultloop.io.can.frames import REJECTIONS, Frame
@@ -34,10 +36,17 @@ from faultloop.nodes import (
     time_master,
 )
 from faultloop.nodes.attacker import attacker_nodes
-from faultloop.nodes.channel import new_channels
+from faultloop.nodes.channel import Channels, new_channels
 from faultloop.nodes.node import joined, replaced
 
 CAN_EVENTS = "/can/events"
+
+
+def is_same_bus(a: Scenario, b: Scenario) -> bool:
+    """Whether the nodes and the bus of both begin alike, and everything of them is compiled."""
+    if a.bus_fault or b.bus_fault or a.keys_path is not None or b.keys_path is not None:
+        return False
+    return all(getattr(a, key) == getattr(b, key) for key in ("system", "relay", "breaker", "can", "clock", "channel"))
 
 
 class Acts(Protocol):
@@ -111,13 +120,11 @@ class Traffic:
         self._attackers = attacker_nodes(scenario)
         self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
         self._edges = Edges(scenario.bus_fault)
+        self._kept: list[tuple[np.ndarray, np.ndarray]] = []
         self._sealed = scenario.keys_path is not None
         self.seats = {number: len(self.relays) + k for k, number in enumerate(self.breakers)}
         """The place of each breaker's node."""
-        channels = new_channels(
-            scenario.channel, [place.name for place in scenario.relay], scenario.scenario.seed
-        )
-        self.x = exchange.new_exchange(joined(self._seats), bus.model.state, channels)
+        self.x = exchange.new_exchange(joined(self._seats), bus.model.state, self._channels())
         self._control = self.x.control[0]
         self._control["quiet"] = recorder.counts is not None
         self._control["sends"] = self._sealed or bool(scenario.bus_fault)
@@ -129,6 +136,27 @@ class Traffic:
             seat["sender"], seat["breaker"] = bus.model.number_of(name), breaker
         self.x.seats["number"] = self._numbers
         self._renew()
+
+    def keep(self) -> None:
+        """To `begin_again` from the state that it has now."""
+        arrays = [array.reshape(-1).view(np.uint8) for array in exchange.remembered(self.x)]
+        self._kept = [(array, array.copy()) for array in arrays]
+        self._kept_bus = self.x.bus
+
+    def begin_again(self, scenario: Scenario, recorder: Recorder) -> None:
+        """As a new one of `scenario`, which has the same bus (`is_same_bus`)."""
+        self.scenario, self.recorder = scenario, recorder
+        for array, kept in self._kept:
+            array[:] = kept
+        self.bus.model.begin_again(self._kept_bus)
+        self.x = self.x._replace(bus=self._kept_bus, channels=self._channels())
+        self._control["quiet"] = recorder.counts is not None
+        for seat in self._seats:
+            seat.refusals.clear()
+
+    def _channels(self) -> Channels:
+        names = [place.name for place in self.scenario.relay]
+        return new_channels(self.scenario.channel, names, self.scenario.scenario.seed)
 
     def _are_breakers(self) -> list[bool]:
         return [isinstance(node, BreakerNode) for node in self._seats]

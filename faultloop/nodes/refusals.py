@@ -33,6 +33,11 @@ class Refusals:
         self._told_ns: dict[tuple[Rejection, int | None], int] = {}
         self._untold: Counter[tuple[Rejection, int | None]] = Counter()
 
+    def clear(self) -> None:
+        """As a new one."""
+        for counts in (self.causes, self._told_ns, self._untold):
+            counts.clear()
+
     @property
     def total(self) -> int:
         """All frames refused."""

@@ -218,11 +218,11 @@ class Relay:
 
     def told(self, first: int, words: Words, notices: Notices, *, texts: bool = True) -> list[Event]:
         """Events of samples from number ``first`` on: where one of ``words`` (n, 2) differs from the one
-        before (only with ``texts``), and what the functions tell at the samples of ``notices``, from the
-        relay's state then."""
+        before, and what the functions tell at the samples of ``notices``, from the relay's state then.
+        Without ``texts`` only trips."""
         events = self._changes(first, words) if texts else []
         for sample, state in notices:
-            events += self._notices(sample, state)
+            events += self._notices(sample, state, texts=texts)
         return sorted(events, key=attrgetter("sample_count"))  # of one sample the changes first
 
     def check_elements(self) -> None:
@@ -284,10 +284,12 @@ class Relay:
             self._last_words = now
         return events
 
-    def _notices(self, sample: int, state: NDArray[np.void]) -> list[Event]:
+    def _notices(self, sample: int, state: NDArray[np.void], *, texts: bool = True) -> list[Event]:
         """What the functions have to tell of a state, at that sample."""
         names, events = Names(sample, self.settings, self._sources), []
         for instance, last in self._telling.items():
+            if not (texts or instance.function.trips or instance.user):
+                continue
             tell, now = instance.function.tell, layout.record_of(state, instance)
             if tell is not None:
                 events += tell(names, last, now)

@@ -276,6 +276,10 @@ class SimulatedBus:
             words[WORD["errors"]],
         )
 
+    def begin_again(self, state: Bus) -> None:
+        """With a state in which it has begun before, and the senders of then."""
+        self.state, self.changes = state, []
+
     def save(self) -> tuple:
         """Everything that changes, for `restore`."""
         return Bus(*(part.copy() for part in self.state)), copy.deepcopy(self.errors), tuple(self.changes)

@@ -66,6 +66,7 @@ class Function:
     detail : what stands in the event of a start beside the name, from the names of all bits that are on.
     tell : ``tell(names, was, now) -> events``, called when ``q.notices`` or an output has changed, with the
         instance's state at the last call and now.
+    trips : its events may be trips; a user's may always.
     polygons : ``polygons(settings, table) -> (ground, phase)``, closed polygons (k, 2) in the R-X plane, ohm.
     check : ``check(settings)``, what only the whole file can judge; raises InputError without its file.
     """
@@ -83,6 +84,7 @@ class Function:
     told: bool = True
     detail: Callable[[frozenset[str]], str] = no_detail
     tell: Callable[[Names, np.void, np.void], Iterable[Event]] | None = None
+    trips: bool = False
     polygons: Callable[[RelaySettings, Any], tuple[Polygon, Polygon]] | None = None
     check: Callable[[RelaySettings], None] | None = None
 

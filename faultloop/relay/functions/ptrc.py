@@ -128,5 +128,6 @@ PTRC = Function(
     always=True,
     told=False,  # the trip is, with its poles
     tell=tell,
+    trips=True,
     check=check,
 )
