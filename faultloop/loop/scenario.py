@@ -37,7 +37,12 @@ class AnyScenario(BusTables):
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], *, path: Path | None = None, text: str = "") -> Self:
         """Validated; raises InputError.  ``path`` is what settings files are relative to."""
-        result = validate(cls, cls.named(data), path)
+        return cls.of_named(cls.named(data), path=path, text=text)
+
+    @classmethod
+    def of_named(cls, data: Mapping[str, Any], *, path: Path | None = None, text: str = "") -> Self:
+        """`from_dict` of what `named` gave."""
+        result = validate(cls, data, path)
         result._path, result._text = path, text
         try:
             result.check()

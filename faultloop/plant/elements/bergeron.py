@@ -121,9 +121,8 @@ def wave_constants(sections: Sequence[WaveSection], row: Mapping[str, int]) -> t
 
 def lagrange(position: float, count: int) -> Floats:
     """Weights of the polynomial through nodes 0 .. count-1 at ``position``."""
-    nodes = np.arange(count)
-    products = [np.prod([(position - m) / (k - m) for m in nodes if m != k]) for k in nodes]
-    return np.array(products, dtype=np.float64)
+    nodes = range(count)
+    return np.array([math.prod((position - m) / (k - m) for m in nodes if m != k) for k in nodes])
 
 
 def bergeron_sections(constants: LineConstants, length_km: float, dt: float) -> int:

@@ -128,7 +128,7 @@ class Plan:
     def made(self, number: int, values: Mapping[str, Any]) -> Case:
         """The case with these values."""
         data, changes = self._scenario_of(values)
-        scenario = Scenario.from_dict(data, path=self.files.path, text=self.files.text)
+        scenario = Scenario.of_named(data, path=self.files.path, text=self.files.text)
         settings = {
             place.name: self._settings_of(place.settings, changes.get(place.name, ()))
             for place in scenario.relay
@@ -153,7 +153,11 @@ class Plan:
 
     def _scenario_of(self, values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, list[Change]]]:
         """The scenario as parsed TOML, and what is changed in the settings of each relay."""
-        data = copied(self.files.scenario)
+        touched = {key.partition(".")[0] for key in values}
+        data = {
+            table: copied(value) if table in touched else value
+            for table, value in self.files.scenario.items()
+        }
         relays = [relay for relay in data.get("relay", []) if isinstance(relay, dict)]
         names = [str(relay.get("name")) for relay in relays]
         changes: dict[str, list[Change]] = {}

@@ -31,6 +31,8 @@ from faultloop.study.campaign.table import arrow, failed, row_of, schema_of
 from faultloop.study.campaign.waves import MOST_BYTES, Kept, Waves
 from faultloop.study.campaign.waves import folder_of as waves_folder
 
+LEAST_IN_A_PART_S = 10.0
+"""Simulated, where there are enough cases: some 0.3 s of work, to 10 ms for the part's file."""
 KEPT_RELAYS = 100
 """Settings whose relays are kept."""
 
@@ -64,7 +66,8 @@ def run_campaign(
         return summary_of(out, 0)
     schema = schema_of(plan, [place.name for place in plan.first.scenario.relay])
     most = None if waves is None else max(MOST_BYTES // max(waves.case_bytes, 1), 1)
-    with closing(Parts(out, plan.cases, mark, most, folder)) as parts:
+    least = int(LEAST_IN_A_PART_S / plan.first.scenario.scenario.duration_s)
+    with closing(Parts(out, plan.cases, mark, most, folder, least)) as parts:
         if waves is not None and folder is not None:
             prepare_waves(folder, mark, waves.card(plan, record["versions"], out))
         todo = parts.missing()
