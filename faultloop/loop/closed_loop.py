@@ -77,7 +77,8 @@ class ClosedLoop:
             scenario, recorder, plant_of(with_followed_breakers(scenario, left_out) if left_out else scenario)
         )
         self._traffic = Traffic(scenario, bus, recorder, self, left_out)
-        self._seat()
+        for number, seat in self._traffic.seats.items():
+            self._course.breaker["seat"][number] = seat
         self._cold: list[Any] = []  # the relays' states before anything was measured
         self.deadlines = Deadlines(self.clock.ns(1))
         """Of the blocks, in a run that is paced."""
@@ -100,19 +101,16 @@ class ClosedLoop:
         self._course.clock["end"] = self.total
         self._now = self._course.clock[0]
 
-    def _seat(self) -> None:
-        for number, seat in self._traffic.seats.items():
-            self._course.breaker["seat"][number] = seat
-
     def keep(self) -> None:
         """To `begin_again` from the state that it has now."""
         self._traffic.keep()
 
     def begin_again(self, scenario: Scenario, recorder: Recorder, plant: Plant) -> None:
         """As a new one of `scenario`, which has the same bus (`is_same_bus`), for the same relays."""
+        seats = self._course.breaker["seat"]
         self._set_up(scenario, recorder, plant)
+        self._course.breaker["seat"] = seats
         self._traffic.begin_again(scenario, recorder)
-        self._seat()
 
     # -- the clock ------------------------------------------------------------------------------------------
 
@@ -127,7 +125,7 @@ class ClosedLoop:
             if progress is not None:
                 progress(self.sample_count / self.total)
             if self._pace is not None:
-                self._keep_time(self.clock.ns(self.sample_count), started, self._pace)
+                self.deadlines.keep(self.clock.ns(self.sample_count), started, self._pace)
         self.simulated_ns = self.clock.ns(self.sample_count)
         self._traffic.end(self.simulated_ns)
 
@@ -173,13 +171,6 @@ class ClosedLoop:
                 samples = np.ascontiguousarray(self._course.samples[first:end, i])
                 relay.estimate(samples, self._bank.phasors[i, first:end], self._bank.loops[i, first:end])
                 own["made"] = self._now["made"]
-
-    def _keep_time(self, t_ns: int, started: float, pace: float) -> None:
-        """Sleep until `t_ns`; note how late it has become."""
-        ahead_s = t_ns / 1e9 / pace - (time.monotonic() - started)
-        if ahead_s > 0:
-            time.sleep(ahead_s)
-        self.deadlines.note(t_ns, round((time.monotonic() - started) * pace * 1e9))
 
     def _begin(self) -> None:
         for place, relay in zip(self.scenario.relay, self.relays, strict=True):

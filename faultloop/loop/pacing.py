@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,6 +47,13 @@ class Deadlines:
 
     def note(self, due_ns: int, t_ns: int) -> None:
         self.late_ns.append(t_ns - due_ns)
+
+    def keep(self, t_ns: int, started: float, pace: float) -> None:
+        """Sleep until `t_ns` of a run that ``started`` then (`time.monotonic`); note how late it is."""
+        ahead_s = t_ns / 1e9 / pace - (time.monotonic() - started)
+        if ahead_s > 0:
+            time.sleep(ahead_s)
+        self.note(t_ns, round((time.monotonic() - started) * pace * 1e9))
 
     @property
     def missed(self) -> int:

@@ -46,7 +46,10 @@ def is_same_bus(a: Scenario, b: Scenario) -> bool:
     """Whether the nodes and the bus of both begin alike, and everything of them is compiled."""
     if a.bus_fault or b.bus_fault or a.keys_path is not None or b.keys_path is not None:
         return False
-    return all(getattr(a, key) == getattr(b, key) for key in ("system", "relay", "breaker", "can", "clock", "channel"))
+    return all(
+        getattr(a, key) == getattr(b, key)
+        for key in ("system", "relay", "breaker", "can", "clock", "channel")
+    )
 
 
 class Acts(Protocol):
