@@ -88,15 +88,19 @@ Model = TypeVar("Model", bound=BaseModel)
 
 def read_toml(path: Path | str) -> tuple[dict[str, Any], str]:
     """The parsed file and its text.  Raises InputError where it cannot be read or is not TOML."""
-    path = Path(path)
+    text = read_text(Path(path))
+    return parse_toml(text, path), text
+
+
+def read_text(path: Path) -> str:
+    """What is to be TOML.  Raises InputError where it cannot be read."""
     check_input(path, "a TOML file", MOST_BYTES)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"is not UTF-8 text (byte {error.start})", file=path) from None
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error})", file=path) from None
-    return parse_toml(text, path), text
 
 
 def parse_toml(text: str, file: object) -> dict[str, Any]:

@@ -8,6 +8,7 @@ A case decides as `faultloop.run` does, to the bit.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,10 +24,33 @@ from faultloop.loop.traffic import is_same_bus
 from faultloop.loop.warm import WarmStates
 from faultloop.plant import Plants
 from faultloop.relay import Relay, RelaySettings, load_settings
+from faultloop.relay.estimators import is_own
 
 KEPT = 1000
 """Settings that are known by sight."""
 KEPT_LOOPS = 8
+KEPT_RELAYS = 200
+
+
+def can_be_kept(settings: RelaySettings) -> bool:
+    """Whether a relay is the same from run to run; code of a user's may have changed in between, and may
+    remember."""
+    return not settings.element and is_own(settings.estimator.method)
+
+
+_here = threading.local()
+
+
+def take_cases() -> Cases:
+    """This thread's, for one run, which then gives them back; new ones where another has them, or failed."""
+    cases: Cases | None = getattr(_here, "cases", None)
+    _here.cases = None
+    return Cases() if cases is None or cases.full else cases
+
+
+def give_back(cases: Cases) -> None:
+    """For the next run."""
+    _here.cases = cases
 
 
 @dataclass
@@ -74,7 +98,6 @@ class Cases:
     """
 
     def __init__(self) -> None:
-        compile_beside()
         self._files: dict[Any, RelaySettings] = {}
         self._relays: dict[tuple[str, str], _Kept] = {}
         self._known: dict[tuple[str, int], tuple[RelaySettings, _Kept]] = {}
@@ -101,9 +124,21 @@ class Cases:
             for place in scenario.relay
         }
         check_settings(scenario, own)
-        names = [place.name for place in scenario.relay]
-        kept = {name: self._kept(name, own[name]) for name in names}
+        kept = {place.name: self._kept(place.name, own[place.name]) for place in scenario.relay}
         return Prepared(scenario, kept, self._loops)
+
+    def relays(self, settings: Mapping[str, RelaySettings]) -> dict[str, Relay]:
+        """New ones, by name."""
+        return {name: self._kept(name, own).as_new() for name, own in settings.items()}
+
+    def loop(self, scenario: Scenario, relays: Mapping[str, Relay], recorder: Recorder) -> ClosedLoop:
+        """A run of a scenario, on a bus of its own, with some of `relays`."""
+        return self._loops.loop(scenario, relays, recorder)
+
+    @property
+    def full(self) -> bool:
+        """Whether relays of many settings are kept."""
+        return len(self._relays) >= KEPT_RELAYS
 
     def _load(self, path: Any) -> RelaySettings:
         if path not in self._files:
@@ -116,6 +151,7 @@ class Cases:
             return same[1]
         key = (name, settings.model_dump_json())
         if key not in self._relays:
+            compile_beside()
             self._relays[key] = _Kept(Relay(settings, name=name))
         if len(self._known) >= KEPT:
             self._known.clear()

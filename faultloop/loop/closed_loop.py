@@ -82,7 +82,6 @@ class ClosedLoop:
         self._cold: list[Any] = []  # the relays' states before anything was measured
         self.deadlines = Deadlines(self.clock.ns(1))
         """Of the blocks, in a run that is paced."""
-        self.interrupted = False
         self.began_s = time.perf_counter()
         """When the first sample was begun, on `time.perf_counter`: relays warm, everything compiled."""
         self._pace = pace
@@ -91,6 +90,7 @@ class ClosedLoop:
 
     def _set_up(self, scenario: Scenario, recorder: Recorder, plant: Plant) -> None:
         self.scenario, self.recorder, self.plant = scenario, recorder, plant
+        self.interrupted = False
         self.clock = SampleClock(plant.sampling_hz)
         self.total = self.clock.first_from(round(scenario.scenario.duration_s * 1e9))
         self._bank = bank_of(self.relays, ROWS)

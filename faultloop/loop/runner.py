@@ -15,6 +15,7 @@ from faultloop.config.override import overridden
 from faultloop.errors import InputError
 from faultloop.io.can.transport import Transport, open_transport
 from faultloop.loop.beside import compile_beside
+from faultloop.loop.case import can_be_kept, give_back, take_cases
 from faultloop.loop.closed_loop import ClosedLoop
 from faultloop.loop.doubts import scenario_doubts
 from faultloop.loop.inputs import Given, Inputs, check_expectations, load_inputs
@@ -71,10 +72,15 @@ def run(
     if pace is not None and not 0 < pace < math.inf:
         raise InputError(f"must be greater than 0 and finite, not {pace:g}", key="--pace")
 
+    cases = take_cases()
+
     def made(chosen: Sequence[str]) -> tuple[Inputs, dict[str, Relay]]:
         inputs = load_inputs(what, settings, chosen, user_code=user_code)
         compile_beside()
-        relays = {name: Relay(own, name=name) for name, own in inputs.settings.items()}
+        if all(map(can_be_kept, inputs.settings.values())):
+            relays = cases.relays(inputs.settings)
+        else:
+            relays = {name: Relay(own, name=name) for name, own in inputs.settings.items()}
         check_expectations(inputs.scenario, relays)
         return inputs, relays
 
@@ -85,7 +91,11 @@ def run(
     recorder = Recorder([fold, *more, *([memory] if memory else [])])
     with _bus(scenario, can) as bus:
         # Everything that can be wrong is found before the first file is opened.
-        loop = ClosedLoop(scenario, relays, recorder, bus, pace, without)
+        alone = bus.bus is None and pace is None and not without
+        if alone and all(map(can_be_kept, own.values())):
+            loop = cases.loop(scenario, relays, recorder)
+        else:
+            loop = ClosedLoop(scenario, relays, recorder, bus, pace, without)
         metadata, attachments = describe(scenario, own, overrides, without)
         start_ns = scenario.scenario.start_ns
         compression = "zstd" if compress else ""
@@ -105,7 +115,7 @@ def run(
             recorder.abort()
             raise
         wall_s = time.perf_counter() - loop.began_s
-        load = bus.load(loop.simulated_ns)
+        load = loop.bus_load
     result = Result.of(
         scenario,
         fold.outcome(),
@@ -120,6 +130,7 @@ def run(
         rerun=streams.rerun,
         warnings=tuple(scenario_doubts(scenario, own, loop.plant)),
     )
+    give_back(cases)
     if result.interrupted:
         raise Interrupted(result)
     return result

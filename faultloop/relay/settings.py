@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validat
 
 from faultloop.config.cvt_circuit import Circuit, Fraction, chosen_circuit
 from faultloop.config.override import set_key, split_override
-from faultloop.config.tables import ComplexOhm, NonNegative, Positive, Table, read_toml, validate
+from faultloop.config.tables import ComplexOhm, NonNegative, Positive, Table, parse_toml, read_text, validate
 from faultloop.errors import InputError
 from faultloop.relay import coordination
 from faultloop.relay.coordination import Doubt
@@ -237,7 +237,12 @@ class RelaySettings(Tables):
 def load_settings(path: Path | str, overrides: Sequence[str] = ()) -> RelaySettings:
     """Read, override (``pdis.1.reach_pu=0.9``: of PDIS1) and validate a settings file; raises InputError."""
     path = Path(path)
-    data, text = read_toml(path)
+    return _loaded(path, read_text(path), tuple(overrides))
+
+
+@lru_cache(64)
+def _loaded(path: Path, text: str, overrides: tuple[str, ...]) -> RelaySettings:
+    data = parse_toml(text, path)
     for override in overrides:
         set_key(data, *split_override(override), first=1, said=override)
     return RelaySettings.from_dict(data, path=path, text=text)

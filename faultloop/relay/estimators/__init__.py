@@ -25,6 +25,7 @@ from faultloop.relay.estimators.registry import (
     build_estimator,
     estimator_methods,
     estimator_parameters,
+    is_own,
     make_estimator,
     register,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "estimator_methods",
     "estimator_parameters",
     "is_compiled",
+    "is_own",
     "make_estimator",
     "register",
     "run_block",

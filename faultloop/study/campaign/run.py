@@ -33,8 +33,6 @@ from faultloop.study.campaign.waves import folder_of as waves_folder
 
 LEAST_IN_A_PART_S = 10.0
 """Simulated, where there are enough cases: some 0.3 s of work, to 10 ms for the part's file."""
-KEPT_RELAYS = 100
-"""Settings whose relays are kept."""
 
 
 def run_campaign(
@@ -106,7 +104,6 @@ class Job:
     ) -> None:
         self.plan, self.schema, self.files, self.size, self.waves = plan, schema, files, size, waves
         self._cases = Cases()
-        self._kept: set[str] = set()
 
     def __getstate__(self) -> tuple[Any, ...]:
         return self.plan, self.schema, self.files, self.size, self.waves
@@ -151,7 +148,9 @@ class Job:
         try:
             case = self.plan.made(number, values)
             sinks = [] if self.waves is None else [MemorySink()]
-            outcome = self._cases_for(values).prepare(case.scenario, case.settings).run(sinks, texts=False)
+            if self._cases.full:
+                self._cases = Cases()
+            outcome = self._cases.prepare(case.scenario, case.settings).run(sinks, texts=False)
             row = row_of(self.plan, self.schema, case, outcome)
             return row, None if self.waves is None else self.waves.of(case.scenario, sinks[0])
         except InputError as error:
@@ -160,14 +159,6 @@ class Job:
             raise
         except Exception as error:  # a user's element may raise anything
             return failed(self.schema, number, values, f"{type(error).__name__}: {error}"), None
-
-    def _cases_for(self, values: dict[str, Any]) -> Cases:
-        """New ones when relays of many settings are kept."""
-        own = self.plan.settings(values)
-        if own not in self._kept and len(self._kept) >= KEPT_RELAYS:
-            self._cases, self._kept = Cases(), set()
-        self._kept.add(own)
-        return self._cases
 
 
 _job: Job | None = None

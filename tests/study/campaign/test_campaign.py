@@ -21,10 +21,11 @@ import pytest
 import faultloop
 from faultloop.cli import call
 from faultloop.config.toml_text import toml_text
-from faultloop.study.campaign import run as running
+from faultloop.loop import case as kept_cases
 from faultloop.study.campaign.parts import PartFiles, Parts
 from faultloop.study.campaign.record import fingerprint, record_of
 from faultloop.study.campaign.run import Job
+from faultloop.study.campaign.table import schema_of
 
 Tables = dict[str, Any]
 PER_RELAY = ["tripped", "function", "zone", "loop", "poles", "decided_ns", "received_ns", "opened_ns"]
@@ -374,14 +375,16 @@ def test_relays_are_not_kept_for_ever(folder: Path, tables: Tables, monkeypatch:
         {"key": "relay.RA.pdis.1.reach_pu", "values": [0.5, 0.6, 0.7]},
     ]
     plan = made(folder, tables).plan
-    job = pickle.loads(pickle.dumps(Job(plan, pa.schema([]), PartFiles(folder, None, ""), 6)))
-    monkeypatch.setattr(running, "KEPT_RELAYS", 2)
-    batch = job._batch(0)
-    assert [case for case, _ in batch] == [0, 3, 1, 4, 2, 5]
-    used = [id(job._cases_for(values)) for _, values in batch]
-    assert len(set(used[:4])) == 1
-    assert used[4] == used[5]
-    assert job._kept == {"[0.7]"}
+    schema = schema_of(plan, ["RA", "RB"])
+    job = pickle.loads(pickle.dumps(Job(plan, schema, PartFiles(folder, None, ""), 6)))
+    monkeypatch.setattr(kept_cases, "KEPT_RELAYS", 3)
+    used: list[Any] = []
+    for number, values in job._batch(0):
+        row, _ = job._case(number, values)
+        assert row["error"] is None
+        used.append(job._cases)
+    assert [used.index(cases) for cases in used] == [0, 0, 0, 3, 3, 5]  # RA of 0.5, RB, RA of 0.6: three
+    assert [case for case, _ in job._batch(0)] == [0, 3, 1, 4, 2, 5]
 
 
 HEAD = {"name": "x", "scenario": "base.toml", "sampling": "grid"}
