@@ -83,18 +83,19 @@ SETTLING_CYCLES = 4.0  # twice the memory of the frequency
 ROCOF_CYCLES = 2.0
 
 
-@njit
+# ``heap``: numba's reshape gives an array of its own, which must be counted.
+@njit(heap=True)
 def work_length(n: int) -> int:
     """Q, root, work, points; row, disturbance, widest, gain; images, mean, total, innovation, cross, gain."""
     return 3 * n * n + (2 * n + 1) * n + 4 * n + (2 * n + 1) + 3 + 2 * n
 
 
-@njit(inline="always")
+@njit(heap=True)
 def square(state: Array, start: int, n: int) -> Array:
     return state[start : start + n * n].reshape((n, n))
 
 
-@njit(inline="always")
+@njit(heap=True)
 def filter_of(state: Array, c: int) -> HarmonicFilter:
     """The filter of channel c."""
     n = int(state[STATES])
@@ -117,7 +118,7 @@ def filter_of(state: Array, c: int) -> HarmonicFilter:
     )
 
 
-@njit(inline="always")
+@njit(heap=True)
 def seen_of(state: Array) -> Seen:
     """What a transform of the measurement overwrites."""
     n = int(state[STATES])
@@ -133,7 +134,7 @@ def seen_of(state: Array) -> Seen:
     )
 
 
-@njit
+@njit(heap=True)
 def prepare(state: Array, f: HarmonicFilter, c: int) -> bool:
     """Q, D and the widest variances of channel c.  False while its group has been nothing but zero."""
     level = state[LEVEL + c // 3]
@@ -150,7 +151,7 @@ def prepare(state: Array, f: HarmonicFilter, c: int) -> bool:
     return level > 0.0
 
 
-@njit
+@njit(heap=True)
 def renew(state: Array, f: HarmonicFilter, c: int) -> None:
     """Forget how sure the quadratures were, and keep them as the prior mean; the frequency stays."""
     n = len(f.x)
@@ -161,7 +162,7 @@ def renew(state: Array, f: HarmonicFilter, c: int) -> None:
     f.P[n - 1, n - 1] = frequency
 
 
-@njit
+@njit(heap=True)
 def bound(state: Array, f: HarmonicFilter, c: int) -> None:
     """Keep the amplitudes and the frequency where they can be, and the frequency's variance within the
     initial one."""
@@ -183,7 +184,7 @@ def bound(state: Array, f: HarmonicFilter, c: int) -> None:
             f.P[i, n - 1] *= shrink
 
 
-@njit
+@njit(heap=True)
 def begin(state: Array, x: Array) -> None:
     """Levels; a channel whose group has come alive gets its initial covariance."""
     follow_level(state, x)
@@ -193,7 +194,7 @@ def begin(state: Array, x: Array) -> None:
             renew(state, f, c)
 
 
-@njit
+@njit(heap=True)
 def is_due(state: Array, f: HarmonicFilter, c: int, z: float) -> bool:
     """True if channel c is awake and has a sample; where it is missing, the filter is predicted here."""
     if not prepare(state, f, c):
@@ -205,7 +206,7 @@ def is_due(state: Array, f: HarmonicFilter, c: int, z: float) -> bool:
     return False
 
 
-@njit
+@njit(heap=True)
 def follow(state: Array, f: HarmonicFilter, c: int) -> None:
     """The noise of channel c after a strong tracking step, and the bounds.
 
@@ -217,7 +218,7 @@ def follow(state: Array, f: HarmonicFilter, c: int) -> None:
     bound(state, f, c)
 
 
-@njit
+@njit(heap=True)
 def report(state: Array, out: Array) -> None:
     """The phasor row, from x = [A sin p, A cos p, ..., w] of each channel."""
     cos, sin = reference(state[N], state[SAMPLING_HZ], state[FREQUENCY_HZ])

@@ -39,7 +39,7 @@ from faultloop.relay.estimators.harmonic_filters import (
 )
 
 
-@njit
+@njit(heap=True)
 def examine(state: Array, f: HarmonicFilter, c: int, z: float) -> None:
     """Note how far the sample z of channel c is from its prediction."""
     if is_sample(z):
@@ -47,7 +47,7 @@ def examine(state: Array, f: HarmonicFilter, c: int, z: float) -> None:
         compare(state, c, f.memory[INNOVATION], predicted_variance(f.P, f.row))
 
 
-@njit
+@njit(heap=True)
 def correct_all(state: Array, x: Array) -> None:
     """Renew at a disturbance; correct, and follow the variance of the noise."""
     disturbed = is_disturbed(state)
@@ -64,7 +64,7 @@ def correct_all(state: Array, x: Array) -> None:
         bound(state, f, c)
 
 
-@njit
+@njit(heap=True)
 def ekf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):

@@ -37,7 +37,7 @@ from faultloop.relay.estimators.methods import stukf
 from faultloop.relay.estimators.parameters import choice, extends, number
 
 
-@njit
+@njit(heap=True)
 def mstukf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):
@@ -48,7 +48,7 @@ def mstukf_step(state: Array, x: Array, out: Array) -> None:
     report(state, out)
 
 
-@njit
+@njit(heap=True)
 def fading_covariance_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):

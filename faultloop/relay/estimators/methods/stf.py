@@ -46,7 +46,7 @@ from faultloop.relay.estimators.parameters import choice
 FORMS = ("bounded", "as-written")
 
 
-@njit
+@njit(heap=True)
 def stf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):

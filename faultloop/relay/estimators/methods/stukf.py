@@ -29,7 +29,7 @@ from faultloop.relay.estimators.methods import stf
 from faultloop.relay.estimators.parameters import extends
 
 
-@njit
+@njit(heap=True)
 def stukf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     seen = seen_of(state)

@@ -21,7 +21,7 @@ from faultloop.relay.estimators.methods import ekf
 from faultloop.relay.estimators.parameters import extends
 
 
-@njit
+@njit(heap=True)
 def ukf_step(state: Array, x: Array, out: Array) -> None:
     begin(state, x)
     for c in range(CHANNELS):
