@@ -83,13 +83,13 @@ SETTLING_CYCLES = 4.0  # twice the memory of the frequency
 ROCOF_CYCLES = 2.0
 
 
-# ``heap``: numba's reshape gives an array of its own, which must be counted.
-@njit(heap=True)
+@njit
 def work_length(n: int) -> int:
     """Q, root, work, points; row, disturbance, widest, gain; images, mean, total, innovation, cross, gain."""
     return 3 * n * n + (2 * n + 1) * n + 4 * n + (2 * n + 1) + 3 + 2 * n
 
 
+# ``heap``, here and in all that calls it: numba's reshape gives an array that must be counted
 @njit(heap=True)
 def square(state: Array, start: int, n: int) -> Array:
     return state[start : start + n * n].reshape((n, n))
