@@ -217,6 +217,10 @@ class _SharedCache(_Cache):
         finally:
             self._release()
 
+    def give_up(self) -> None:
+        """There will be nothing to save: whoever waits may try."""
+        self._release()
+
     def _wait_for_turn(self) -> bool:
         """Whether anybody else had to be waited for."""
         if fcntl is None or self._lock is not None:
@@ -293,16 +297,17 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
     With ``signature_or_function`` it is compiled at once, for that signature only.
 
-    A kernel of faultloop's is lent its arrays and makes none, so it counts no references to them: each call
-    that passes a network's hundred arrays counted them up and down.  One that does make an array says
-    ``heap=True``; numba refuses it otherwise.  A user's kernel may always.
+    A kernel of the subpackages in `CALLS` is lent its arrays and makes none, so it counts no references to
+    them: each call that passes a network's hundred arrays counted them up and down, a third of a campaign's
+    case.  One that does make an array says ``heap=True``; numba refuses it otherwise.
     """
     options = {"cache": True, "fastmath": False, "error_model": "numpy"} | options
     kept, signature = options.pop("cache"), options.pop("signature_or_function", None)
     heap = options.pop("heap", False)
 
     def decorate(function: Callable[..., Any]) -> Any:
-        counts = heap or not function.__module__.startswith("faultloop.")
+        package, _, rest = function.__module__.partition(".")
+        counts = heap or package != "faultloop" or rest.partition(".")[0] not in CALLS
         kernel = linking.kernel(function, options | {"_nrt": counts})
         if kept:
             _keep(kernel, function)

@@ -164,6 +164,16 @@ class Kernel(Dispatcher):
         """Whether a call of it may be one of itself."""
         return self._compiling_counter or self.part.is_compiling
 
+    def compile(self, sig: Any) -> Any:
+        """As numba does; a kernel that cannot be compiled keeps nobody waiting (`faultloop.jit`)."""
+        try:
+            return super().compile(sig)
+        except BaseException:
+            give_up = getattr(self._cache, "give_up", None)
+            if give_up is not None:
+                give_up()
+            raise
+
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What numba asks for when it finds out the types of a call."""
         folded = tuple(self._compiler.fold_argument_types(args, kws)[1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dis
+import fcntl
 import importlib
 import os
 import pkgutil
@@ -12,11 +13,13 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
+from numba.core.errors import TypingError
 
 import faultloop
-from faultloop.jit import CALLS
+from faultloop.jit import CALLS, _SharedCache, njit
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="users and modes of POSIX")
 
@@ -126,6 +129,33 @@ def test_a_lock_is_no_older_than_its_process(tmp_path: Path) -> None:
     for file in cache.rglob("*.nb?"):
         file.unlink()
     assert told(tmp_path, FAULTLOOP_CACHE=str(cache)) == ["compiles", line]
+
+
+def test_a_kernel_that_does_not_compile_keeps_nobody_waiting(tmp_path: Path) -> None:
+    """Its lock is given back, or the next process, and this one when it tries again, would wait for ever."""
+
+    def wrong(x: Any) -> Any:
+        return x.nothing
+
+    kernel = njit(cache=False)(wrong)
+    kernel._cache = _SharedCache(wrong, tmp_path)
+    with pytest.raises(TypingError, match="nothing"):
+        kernel(1.0)
+    (lock,) = tmp_path.rglob("*.lock")
+    with lock.open() as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def test_a_kernel_that_lends_out_what_it_was_lent_is_refused() -> None:
+    """Its callers would give back a reference that nobody took."""
+
+    def part(x: np.ndarray) -> np.ndarray:
+        return x[1:]
+
+    part.__module__ = "faultloop.plant.part"
+    with pytest.raises((TypingError, AssertionError), match="array"):
+        njit(cache=False)(part)(np.zeros(3))
+    assert njit(cache=False, heap=True)(part)(np.arange(3.0)).tolist() == [1.0, 2.0]
 
 
 @pytest.mark.parametrize("area", CALLS)

@@ -150,7 +150,7 @@ def moments(points: Array, noise: Array, mean: Array, covariance: Array) -> None
             covariance[i, j] = covariance[j, i] = total / count + noise[i, j]
 
 
-@njit(heap=True)
+@njit
 def predict(f: Cubature, transition: Model, u: Array, p: Array) -> None:
     """``x``, ``P`` and the points a step on; ``transition(x, u, p, out)``."""
     redraw(f)
@@ -205,7 +205,7 @@ def solve_lower(L: Array, B: Array, count: int) -> None:
             B[i, c] = v / L[i, i]
 
 
-@njit(heap=True)
+@njit
 def whiten(f: Cubature) -> None:
     """The white rows (29-31): ``gain`` <- G', ``innovation`` <- y; ``root`` <- Bp, ``total`` <- Br.
 
@@ -289,7 +289,7 @@ def settle(f: Cubature) -> bool:
     return moved <= SETTLED
 
 
-@njit(heap=True)
+@njit
 def conclude(f: Cubature) -> None:
     """``x`` and ``P`` from the white deviation and the last weights.
 

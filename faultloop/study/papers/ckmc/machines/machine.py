@@ -68,7 +68,7 @@ def derivative(x: Array, u: Array, p: Array, dx: Array) -> None:
     dx[ED] = (-x[ED] + (p[XQ] - p[XQ1]) * i_q) / p[TQ0]
 
 
-@njit(heap=True)
+@njit
 def transition(x: Array, u: Array, p: Array, out: Array) -> None:
     """The discrete model, eq. 1: one step of the modified Euler method over ``p[STEP]``.
 

@@ -133,7 +133,7 @@ def workspace(inputs: Array) -> Workspace:
     return Workspace(inputs.copy(), first, second, trial, np.zeros((2 * m, 2 * m)), np.zeros(2 * m))
 
 
-@njit(heap=True)
+@njit
 def solve_inputs(x: Array, p: Array, z: Array, work: Workspace) -> None:
     """Inputs of all machines with the states ``x`` (m, 5) on the network ``z`` (2m, 2m), into ``work.u``."""
     a, b = work.a, work.b
@@ -174,7 +174,7 @@ def derivatives(x: Array, machines: Machines, stage: int, work: Workspace, dx: A
         dx[k, FIELD] = excite(x[k], work.u[k], p[k], machines.exciters[k])
 
 
-@njit(heap=True)
+@njit
 def advance(x: Array, machines: Machines, stage: int, work: Workspace) -> None:
     """One step of the modified Euler (Heun) method, in place."""
     dt = machines.constants[0, STEP]
