@@ -38,6 +38,7 @@ from faultloop.nodes import (
 from faultloop.nodes.attacker import attacker_nodes
 from faultloop.nodes.channel import Channels, new_channels
 from faultloop.nodes.node import joined, replaced
+from faultloop.nodes.tables import BusTables
 
 CAN_EVENTS = "/can/events"
 
@@ -46,10 +47,10 @@ def is_same_bus(a: Scenario, b: Scenario) -> bool:
     """Whether the nodes and the bus of both begin alike, and everything of them is compiled."""
     if a.bus_fault or b.bus_fault or a.keys_path is not None or b.keys_path is not None:
         return False
-    return all(
-        getattr(a, key) == getattr(b, key)
-        for key in ("system", "relay", "breaker", "can", "clock", "channel")
-    )
+    if a.scenario.seed != b.scenario.seed:
+        return False
+    alike = {*BusTables.model_fields, "breaker"} - {"scenario", "bus_fault"}
+    return all(getattr(a, key) == getattr(b, key) for key in alike)
 
 
 class Acts(Protocol):
