@@ -26,8 +26,8 @@ def of_harmonics(state):
 
 
 def of_adaptive(state):
-    voltages = [packed(adaptive_kalman.voltage_of(state, c)[2:]) for c in range(3)]
-    return voltages + [packed(adaptive_kalman.current_of(state, c)[3:]) for c in range(3)]
+    voltages = [packed(adaptive_kalman.voltage_of.py_func(state, c)[2:]) for c in range(3)]
+    return voltages + [packed(adaptive_kalman.current_of.py_func(state, c)[3:]) for c in range(3)]
 
 
 def of_bank(state):
