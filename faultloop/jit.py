@@ -292,6 +292,28 @@ def _call_step(typing_context, address, state, x, out):
 call_step: Any = _call_step  # inside a kernel without the typing context
 
 
+def _caller(result: Any) -> Any:
+    @intrinsic
+    def call(typing_context, address, arguments):
+        def generate(context, builder, signature, given):
+            values = [builder.extract_value(given[1], place) for place in range(len(arguments))]
+            kinds = [context.get_value_type(kind) for kind in arguments]
+            kind = ir.FunctionType(context.get_value_type(result), kinds)
+            called = builder.call(builder.inttoptr(given[0], kind.as_pointer()), values)
+            return context.get_dummy_value() if result == types.void else called
+
+        return result(types.int64, arguments), generate
+
+    return call
+
+
+call_for_number: Any = _caller(types.int64)
+"""``kernel(*arguments)`` of the `Address` of a kernel that returns a whole number; ``arguments`` a tuple.  An
+`Address` itself, as an argument, costs Python 0.1 ms a call and may swallow a KeyboardInterrupt."""
+call_for_nothing: Any = _caller(types.void)
+"""And of one that returns nothing."""
+
+
 def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """``numba.njit`` with a file cache and IEEE arithmetic; ``@njit`` or ``@njit(inline="always")``.
 

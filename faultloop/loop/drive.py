@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from faultloop.io.can.port import CLOSE
 from faultloop.io.can.record import Records
-from faultloop.jit import Address, call_step, compiled, njit
+from faultloop.jit import Address, call_for_nothing, call_for_number, call_step, compiled, njit
 from faultloop.loop.exchange import (
     ACTED,
     DONE,
@@ -90,19 +90,18 @@ def new_course(closed: Sequence[int], measured: int, clock: SampleClock, rows: i
 
 
 class Kernels(NamedTuple):
-    """By address."""
+    """Their addresses."""
 
-    measure: Any
-    decide: Any
-    advance: Any
-    serve: Any
+    measure: int
+    decide: int
+    advance: int
+    serve: int
 
 
 @njit
 def follow(course: Course, x: Exchange, plant: Any, bank: Any, kernels: Kernels) -> int:
     """Lets time pass until something is Python's; returns what."""
     c, w = course.clock[0], x.control[0]
-    serve_until = kernels.serve
     next_ns = due_ns(x)
     while True:
         if c.heard < w.events and not act(course, x, plant.switches, bank):
@@ -111,7 +110,7 @@ def follow(course: Course, x: Exchange, plant: Any, bank: Any, kernels: Kernels)
         t_ns = k * SECOND_NS // c.sampling_hz
         if w.phase != LOOK or next_ns <= t_ns or k >= c.stop:
             show(course, x, bank)
-            code = serve_until(x, t_ns)
+            code = call_for_number(kernels.serve, (x, t_ns))
             next_ns = due_ns(x)
             if code == ACTED:
                 continue
@@ -210,17 +209,14 @@ def make(course: Course, plant: Any, wanted: int, kernels: Kernels) -> None:
     control.row = c.sample - c.base
     control.wanted = wanted
     control.foresees = 1
-    run_plant = kernels.advance
-    c.made = c.sample + run_plant(
-        plant.net, plant.state, plant.watch, plant.front, plant.switches, course.samples
-    )
+    parts = (plant.net, plant.state, plant.watch, plant.front, plant.switches, course.samples)
+    c.made = c.sample + call_for_number(kernels.advance, parts)
 
 
 @njit(forceinline=True)
 def estimate(course: Course, bank: Any, kernels: Kernels) -> bool:
     """Every relay's estimates of what the plant has made; False where one is Python's."""
     c = course.clock[0]
-    measure_block = kernels.measure
     for i in range(bank.relay.shape[0]):
         r = bank.relay[i]
         if r.away or r.made > c.sample:
@@ -232,7 +228,8 @@ def estimate(course: Course, bank: Any, kernels: Kernels) -> bool:
         for row in range(first, end):
             call_step(r.step, state, course.samples[row, i], bank.phasors[i, row])
         constants, own = bank.measure_constants[i : i + 1], bank.measure_state[i : i + 1]
-        measure_block(constants, own, bank.phasors[i, first:end], bank.loops[i, first:end])
+        flat = (bank.phasors[i, first:end], bank.loops[i, first:end])
+        call_for_nothing(kernels.measure, (constants, own, *flat))
         r.made = c.made
     return True
 
@@ -283,15 +280,9 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     if r.across >= 0 or r.beside >= 0:
         widen(course, bank, i, row)
         samples = bank.wide[i : i + 1]
-    decide_block = kernels.decide
-    decide_block(
-        bank.constants[i : i + 1],
-        bank.state[i : i + 1],
-        samples,
-        bank.phasors[i, row : row + 1],
-        bank.loops[i, row : row + 1],
-        bank.words[i, row : row + 1],
-    )
+    own = (bank.constants[i : i + 1], bank.state[i : i + 1])
+    made = (bank.phasors[i, row : row + 1], bank.loops[i, row : row + 1], bank.words[i, row : row + 1])
+    call_for_number(kernels.decide, (*own, samples, *made))
     r.last = c.sample
     r.changed += q.changed
     same = q.poles == poles and q.close_poles == close and q.pilot == pilot and q.transfer == transfer
@@ -320,16 +311,17 @@ def decides(course: Course, x: Exchange, bank: Any, i: int, kernels: Kernels) ->
     return True
 
 
-_known: list[tuple[Any, Kernels]] = []
+_known: list[tuple[Any, Kernels, list[Address]]] = []
 
 
 def go_on(course: Course, x: Exchange, plant: PlantParts, bank: Bank) -> int:
     """`follow`, by its machine code: every loop has the same types, and to find them out takes 0.5 ms."""
     if not _known:
         parts = _signatures(course, x, plant, bank)
-        kernels = Kernels(*(Address(kernel, *sig.args) for kernel, sig in parts))
-        _known.append((compiled(follow, course, x, plant, bank, kernels), kernels))
-    code, kernels = _known[0]
+        owners = [Address(kernel, *sig.args) for kernel, sig in parts]
+        kernels = Kernels(*(owner.address for owner in owners))
+        _known.append((compiled(follow, course, x, plant, bank, kernels), kernels, owners))
+    code, kernels, _ = _known[0]
     return code(course, x, plant, bank, kernels)
 
 
@@ -343,7 +335,7 @@ def compile_loop(
     if follow_kernel.overloads:  # to find out the types of the arguments takes 8 ms
         return
     kernels = _signatures(course, x, plant, bank)
-    called: Any = types.NamedTuple([types.FunctionType(sig) for _, sig in kernels], Kernels)
+    called: Any = types.NamedUniTuple(types.int64, len(kernels), Kernels)
     loop = tuple(_typeof(part) for part in (course, x, plant, bank))
     wanted = [*((kernel, sig.args) for kernel, sig in kernels), (follow_kernel, (*loop, called))]
     for kernel, arguments in reversed(wanted) if backwards else wanted:
