@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from faultloop.io.can.codes import FINE, OLD, SETTINGS, STALE, TEST
+from faultloop.io.can.codes import FINE, JUMP, OLD, SETTINGS, STALE, TEST
 from faultloop.io.can.differential import decode_set
 from faultloop.io.can.record import Record
 from faultloop.jit import njit
@@ -33,6 +33,10 @@ STEP_US = 2000.0
 """By which the round trip differs from its mean where another path is taken ..."""
 STEPS = 3
 """... so often in a row."""
+JUMP_US = 1000.0
+"""By which the two clocks differ from what they did: 18 degrees at 50 Hz, of which a slope of 0.3 makes no
+trip.  A global time does not do that: its sets are refused for as long.  By the channel another path may do
+it, too, and after as many sets it is measured anew."""
 SETTLING = 16
 """Sets that are not given after such a step, until the mean is of the new path."""
 
@@ -50,6 +54,7 @@ SOURCE = np.dtype(
         ("lost", "i8"),  # by the counter
         ("offset_us", "f8"),  # its clock against this one's
         ("trip_us", "f8"),  # the mean round trip; 0: none yet
+        ("late_us", "f8"),  # the last set, by this end's clock
         ("steps", "i8"),
         ("settling", "i8"),
         ("switches", "i8"),  # how often another path was found
@@ -86,8 +91,9 @@ def accept_set(
     s.time = m.time
     s.heard_ns = t_ns
     m.values[6] = 0.0
+    if not align(s, m, clock_us, sent_us):
+        return -JUMP
     if s.by_channel:
-        align(s, m, clock_us, sent_us)
         if s.trip_us == 0.0 or s.settling > 0:
             return NOT_ALIGNED
         shift = np.int64(np.rint(s.offset_us))
@@ -98,28 +104,35 @@ def accept_set(
 
 
 @njit
-def align(s: Record, m: Record, clock_us: int, sent_us: NDArray[np.int64]) -> None:
+def align(s: Record, m: Record, clock_us: int, sent_us: NDArray[np.int64]) -> bool:
     """The other end's clock against this one's, by the round trip: it says when it heard which of our sets.
+    False where that is another than it was: one of the two clocks has jumped, or the ways differ now.
 
     Half of the round trip is the way here; if the ways differ by d, the offset is wrong by d / 2.
     """
     if s.settling > 0:
         s.settling -= 1
+    known = s.trip_us > 0.0
+    late_us = np.float64(microseconds(clock_us - m.time))
     if m.st_num == 0 or m.sq_num != s.own:
-        return  # it has heard nothing of late, or speaks of a third end
+        # it has heard nothing of late, or speaks of a third end: the way here alone
+        return not known or abs(late_us - s.late_us) <= STEP_US
     trip_us = np.float64(microseconds(clock_us - sent_us[m.page]) - m.st_num)
-    if not 0.0 < trip_us < LONGEST_TRIP_US:
-        return
-    offset_us = np.float64(microseconds(m.time - clock_us)) + trip_us / 2
-    s.steps = s.steps + 1 if s.trip_us > 0.0 and abs(trip_us - s.trip_us) > STEP_US else 0
-    if s.trip_us == 0.0 or s.steps >= STEPS:
-        s.settling = SETTLING
-        s.switches += s.trip_us > 0.0
-        s.steps = 0
-        s.trip_us, s.offset_us = trip_us, offset_us
-    elif s.steps == 0:
-        s.trip_us += SHARE * (trip_us - s.trip_us)
-        s.offset_us += SHARE * (offset_us - s.offset_us)
+    offset_us = trip_us / 2 - late_us
+    jumps = known and abs(offset_us - s.offset_us) > JUMP_US
+    if 0.0 < trip_us < LONGEST_TRIP_US:
+        s.steps = s.steps + 1 if jumps or (known and abs(trip_us - s.trip_us) > STEP_US) else 0
+        if not known or (s.steps >= STEPS and (s.by_channel or not jumps)):
+            s.settling = SETTLING
+            s.switches += known
+            s.steps = 0
+            s.trip_us, s.offset_us = trip_us, offset_us
+        elif s.steps == 0:
+            s.trip_us += SHARE * (trip_us - s.trip_us)
+            s.offset_us += SHARE * (offset_us - s.offset_us)
+    if not jumps:
+        s.late_us = late_us
+    return not jumps
 
 
 @njit
