@@ -35,8 +35,7 @@ STEPS = 3
 """... so often in a row."""
 JUMP_US = 1000.0
 """By which the two clocks differ from what they did: 18 degrees at 50 Hz, of which a slope of 0.3 makes no
-trip.  A global time does not do that: its sets are refused for as long.  By the channel another path may do
-it, too, and after as many sets it is measured anew."""
+trip.  Another path with ways that differ otherwise does it, too; after `STEPS` both are measured anew."""
 SETTLING = 16
 """Sets that are not given after such a step, until the mean is of the new path."""
 
@@ -91,9 +90,9 @@ def accept_set(
     s.time = m.time
     s.heard_ns = t_ns
     m.values[6] = 0.0
-    if not align(s, m, clock_us, sent_us):
-        return -JUMP
     if s.by_channel:
+        if not align(s, m, clock_us, sent_us):
+            return -JUMP
         if s.trip_us == 0.0 or s.settling > 0:
             return NOT_ALIGNED
         shift = np.int64(np.rint(s.offset_us))
@@ -122,7 +121,7 @@ def align(s: Record, m: Record, clock_us: int, sent_us: NDArray[np.int64]) -> bo
     jumps = known and abs(offset_us - s.offset_us) > JUMP_US
     if 0.0 < trip_us < LONGEST_TRIP_US:
         s.steps = s.steps + 1 if jumps or (known and abs(trip_us - s.trip_us) > STEP_US) else 0
-        if not known or (s.steps >= STEPS and (s.by_channel or not jumps)):
+        if not known or s.steps >= STEPS:
             s.settling = SETTLING
             s.switches += known
             s.steps = 0

@@ -198,8 +198,9 @@ def asymmetry(quick: bool) -> Iterator[Case]:
     yield from percentage_limits()
 
 
-LIMITS_MS = {1000.0: (3.0, 3.5), 2000.0: (2.25, 2.75)}
-"""Ways that differ by so much: the percentage holds, and trips; 3.22 and 2.56 ms in closed form."""
+LIMITS_MS = {1000.0: (2.75, 3.5), 2000.0: (2.25, 2.75)}
+"""Ways that differ by so much: the percentage holds, and trips; 3.22 and 2.56 ms in closed form.  The bus
+adds 0.2 ms: the second of two frames waits for the first."""
 
 
 def percentage_limits() -> Iterator[Case]:
@@ -244,9 +245,9 @@ def channel(quick: bool) -> Iterator[Case]:
     near = {name: Expected(True, "PDIS1", 20.0, event="PDIF1 ChBlk: no currents") for name in ("RA", "RB")}
     gone = on_line(channel={"out_at_s": 0.1}, duration_s=0.5, fault=inside)
     yield Case("out, A-G inside: zones, and an alarm", gone, differential(zones=True), near)
-    wrong = on_line(channel={"misrouted": "RA"}, duration_s=0.5, fault=inside)
+    wrong = on_line(channel={"misrouted": "RB", "misrouted_at_s": 0.1}, duration_s=0.5, fault=inside)
     yield Case("this end's own sets come back", wrong, differential(zones=True), {"RB": near["RB"]})
-    for lost in (0.0, 0.2):
+    for lost in (0.1, 0.2):
         clock = [{"node": "RB", "drift_ppm": 100.0, "offset_us": 0.0, "lost_at_s": lost}]
         told = Expected(False, event="PDIF1 ChBlk: no currents")
         tables = on_line(clock=clock, duration_s=0.5)

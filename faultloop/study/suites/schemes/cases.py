@@ -105,7 +105,7 @@ def channel(quick: bool) -> Iterator[Case]:
     fast = Expected(True, "PDIS1", 20.0)
     for name, keys in (
         ("out", {"out_at_s": 0.0}),
-        ("misrouted", {"misrouted": "RA"}),
+        ("misrouted", {"misrouted": "RB"}),
     ):
         gone = single_line(channel=keys, duration_s=0.6, fault=near, can=beat)
         expected = {"RA": late, "RB": fast} if name == "out" else {"RB": fast}
