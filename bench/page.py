@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import statistics
 import subprocess
@@ -96,7 +97,9 @@ def main() -> None:
         for _ in range(given.times):
             for kind, page in pages.items():
                 found[kind].append(measured(folder, page))
-        title = f"Page of `{given.log.stem}` in Chromium, 1280 px, {given.times} openings; median (greatest)"
+        load = f"at a load of {os.getloadavg()[0]:.0f} on {os.cpu_count()} cores"
+        openings = f"{given.times} openings, {load}; median (greatest)"
+        title = f"Page of `{given.log.stem}` in Chromium, 1280 px, {openings}"
         print(title)
         told = {kind: told_of(page, found[kind]) for kind, page in pages.items()}
         for kind, text in told.items():

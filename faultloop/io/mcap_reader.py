@@ -277,18 +277,22 @@ class Log:
 
     @property
     def trips(self) -> list[Entry]:
+        """Messages of /relay/NAME/trips, in order of time."""
         return self.entries(table.TRIP)
 
     @property
     def events(self) -> list[Entry]:
+        """What a person reads: messages of every /events topic, in order of time."""
         return self.entries(table.EVENT)
 
     @property
     def breaker_states(self) -> list[Entry]:
+        """Messages of /breaker/NAME, in order of time."""
         return self.entries(table.BREAKER_STATUS)
 
     @property
     def faults(self) -> list[Entry]:
+        """Messages of /plant/faults, the truth, in order of time."""
         return self.entries(table.FAULT_STATE)
 
     @property
@@ -298,6 +302,7 @@ class Log:
 
     @property
     def can(self) -> list[Entry]:
+        """Frames of /can, in order of time."""
         return self.entries(table.CAN_FRAME)
 
 

@@ -37,12 +37,15 @@ class Result:
 
     Attributes
     ----------
+    scenario : what was run, with its overrides.
     trips, faults, events : in order of time.
     expectations : one verdict for each `[[expect]]`.
     log : path of the MCAP log, None if none was written.
     simulated_s, wall_s : how much time was simulated, and how long it took, without compilation and warm-up.
+    can_frames : how many were on the bus.
     bus_load : part of the time in which the bus was busy, 0 to 1; None on a real bus.
     fault_locations : by relay, per unit of the line, NaN where none was found.
+    memory : what a log would have, kept where none was written.
     rerun : the stream to rerun, if there is one; `serve` goes on until its `wait` ends.
     interrupted : ended by Ctrl-C before its time; the log is whole.
     pacing : how well time was kept, None in a run that was not paced.
