@@ -61,8 +61,8 @@ class Log:
     start_ns : start of the run [ns since 1970-01-01 UTC]; every ``t_ns`` counts from it.
     topics : names of all topics, ours or not, sorted.
     relays, breakers : names, in the order of the file.
-    metadata : metadata records by name.
-    attachments : contents by name.
+    metadata, attachments : metadata records and contents, by name.
+    trips, events, breaker_states, faults, can : their messages, in order of time.
     warnings : what is damaged and was left out or found in another way, one line each; reading may add some.
     """
 
@@ -277,22 +277,18 @@ class Log:
 
     @property
     def trips(self) -> list[Entry]:
-        """Messages of /relay/NAME/trips, in order of time."""
         return self.entries(table.TRIP)
 
     @property
     def events(self) -> list[Entry]:
-        """What a person reads: messages of every /events topic, in order of time."""
         return self.entries(table.EVENT)
 
     @property
     def breaker_states(self) -> list[Entry]:
-        """Messages of /breaker/NAME, in order of time."""
         return self.entries(table.BREAKER_STATUS)
 
     @property
     def faults(self) -> list[Entry]:
-        """Messages of /plant/faults, the truth, in order of time."""
         return self.entries(table.FAULT_STATE)
 
     @property
@@ -302,7 +298,6 @@ class Log:
 
     @property
     def can(self) -> list[Entry]:
-        """Frames of /can, in order of time."""
         return self.entries(table.CAN_FRAME)
 
 
