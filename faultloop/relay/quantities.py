@@ -144,6 +144,7 @@ QUANTITIES = np.dtype(
         ("direction", "i8"),  # RDIR: 1 forward, -1 reverse, 0 unknown
         ("polarizing", "c16"),  # RDIR: positive-sequence polarizing voltage, while disturbed
         ("swing_fault", "i8"),  # RPSB: a fault in a swing: 1; its change no longer known: 2, balanced 3
+        ("standing", "i8"),  # RPSB: mask of loops that stand still in a swing, as a piece of the line
         ("fuse_failure", "i8"),  # TVTR: the voltages cannot be relied on
         ("blocked_loops", "i8"),  # * mask of loops that no distance zone may use
         ("blocked_zones", "i8"),  # * mask of distance zones, by place in the settings, that are blocked

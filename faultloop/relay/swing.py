@@ -27,6 +27,7 @@ from faultloop.jit import njit
 from faultloop.relay import energy
 from faultloop.relay.memory import A2, A, positive_sequence, size2, third, weight
 from faultloop.relay.quantities import sequences
+from faultloop.relay.standing import standing_type
 
 Record = Any
 STRAIGHT = 0.01
@@ -196,14 +197,16 @@ def resistance(g: Record, q: Record, loop: int) -> float:
 
 @njit
 def fault_type(g: Record, q: Record) -> int:
-    """1 .. 7 of a fault in a swing, without anything from before it.
+    """1 .. 7 of a fault in a swing, without anything from before it: by the loops that stand still; else
 
-    The angle of I2 against I0 tells the phase of a fault to ground, or the two others'; of what is left the
+    the angle of I2 against I0 tells the phase of a fault to ground, or the two others'; of what is left the
     loop counts in which no resistance is to be explained.  (The change of negative and zero sequence alone is
     that of a pair as much as of the next one.)
     """
     if q.swing_fault == BALANCED:
         return 7
+    if q.standing:
+        return standing_type(g, q)
     i0, i2 = q.sequence[3], q.sequence[5]
     loops = 0b111000
     if size2(i0) > GROUND**2 * size2(i2):

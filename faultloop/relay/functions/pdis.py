@@ -36,6 +36,7 @@ from faultloop.relay.functions.function import Function, Polygon
 from faultloop.relay.loop_fit import FIRST, SECOND, centred, doubted, gather
 from faultloop.relay.memory import A2, A, at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
+from faultloop.relay.standing import standing_depth
 from faultloop.relay.unknown_vt import CENTRED_DOUBT, is_believed, is_believed_centred, weakness
 from faultloop.relay.voltages import loops_of
 
@@ -261,6 +262,8 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
         m = mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i)
     else:
         m = quad_depth(g, q, c, loop, v, i)
+    if q.swing_fault:
+        m = min(m, standing_depth(g, q, (c.reach, c.k0 * c.reach), loop, c.direction))
     return m if m == m else OUTSIDE
 
 
@@ -308,12 +311,8 @@ def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float) -> floa
 
 @njit
 def security_step(m: float) -> float:
-    """How much one sample inside counts.
-
-    A zone starts when the count has reached ``security`` (one cycle by default): a fault in the last tenth
-    of the reach must stay inside for a cycle, which outlasts the swing that a decaying offset gives the
-    impedance; deep inside, an eighth or a twelfth of that is enough.
-    """
+    """How much one sample inside counts; a zone starts at ``security`` (a cycle): in the last tenth of the
+    reach a fault must stay inside for one, which outlasts the swing that an offset gives the impedance."""
     if m < 0.5:
         return 12.0
     if m < 0.75:

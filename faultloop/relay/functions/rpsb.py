@@ -16,8 +16,10 @@ where
   allowance for the speed: balanced currents that slip have an image in the estimate;
 - the impedance jumps into the outer box, or in it: it goes a way in a quarter of a cycle for which the
   swing would have needed much longer;
-- it stands still at the line's angle, suddenly, for three quarters of a cycle: a three-phase fault near the
-  swing's centre does not jump (a swing that turns back comes to rest slowly, and not there);
+- a loop stands still as a piece of the line for an eighth of a cycle (`faultloop.relay.standing`), while
+  the swing goes on: near the swing's centre nothing else shows;
+- the impedance stands still at the line's angle, suddenly, for three quarters of a cycle: a three-phase fault
+  near the swing's centre does not jump (a swing that turns back comes to rest slowly, and not there);
 - it has been in the outer box for ``release_s``.
 
 Before a swing is found, a balanced state that still moves fast starts no zone.
@@ -46,14 +48,23 @@ from faultloop.relay.functions.function import Function, Polygon
 from faultloop.relay.functions.pdis import reach_ohm
 from faultloop.relay.memory import size2
 from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, request_trip
+from faultloop.relay.standing import PHASE_LOOPS, standing
 from faultloop.relay.swing import TRACK
+from faultloop.relay.swing_rule import setting_rule
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
 QUIET, SWINGING, FAULT = range(3)
-UNBALANCED, JUMPED, STOPPED, TOO_LONG = range(1, 5)
-CAUSES = ("", "I2 or I0", "a jump", "the impedance stands still", "it has lasted too long")
+UNBALANCED, JUMPED, STOPPED, TOO_LONG, LOOP_STANDS = range(1, 6)
+CAUSES = (
+    "",
+    "I2 or I0",
+    "a jump",
+    "the impedance stands still",
+    "it has lasted too long",
+    "a loop that stands still",
+)
 ALL_ZONES = -1
 NO_TRIP, WAY_IN, WAY_OUT = range(3)
 STEADY = 0.6
@@ -125,34 +136,6 @@ class Rpsb(Table):
         if self.slips > 1 and self.trip != "way-out":
             raise ValueError('slips belongs to trip = "way-out"')
         return self
-
-
-def angle_deg(total_ohm: float, resistance_ohm: float) -> float:
-    """Angle between two equal sources when the swing is at a distance from the total impedance between
-    them."""
-    return 2 * math.degrees(math.atan(total_ohm / (2 * resistance_ohm)))
-
-
-def resistance_at(total_ohm: float, angle: float) -> float:
-    """The distance at an angle [degrees]."""
-    return total_ohm / (2 * math.tan(math.radians(angle) / 2))
-
-
-def setting_rule(
-    total_ohm: float, outer_ohm: float, slip_hz: float, crossing_s: float, next_slip_hz: float = 7.0
-) -> tuple[float, float]:
-    """Inner resistance [ohm] that a first swing of this slip takes ``crossing_s`` to reach from the outer
-    one, and the time [s] that one of ``next_slip_hz`` takes.  (ABB, application manual of the 670 series,
-    ZMRPSB.)"""
-    outer = angle_deg(total_ohm, outer_ohm)
-    inner = outer + 360 * slip_hz * crossing_s
-    return resistance_at(total_ohm, inner), (inner - outer) / (360 * next_slip_hz)
-
-
-def load_angle_deg(angle: float, ratio: float) -> float:
-    """The load's angle [degrees] as the inner box has it, whose resistance alone is smaller by ``ratio``
-    (ibid.)."""
-    return math.degrees(math.atan(math.tan(math.radians(angle)) / ratio))
 
 
 def inner_ohm(settings: RelaySettings, table: Rpsb) -> float:
@@ -294,6 +277,9 @@ def fault_sign(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> int:
         return 0
     if w.in_outer and 2 * w.quick > JUMP * max(w.pace, w.past) + JUMP_LEAST:
         return JUMPED
+    w.stood = w.stood + g.snapshot if w.in_outer and q.standing else 0
+    if 8 * w.stood >= g.cycle:
+        return LOOP_STANDS
     w.stopped = w.stopped + g.snapshot if stands(g, w) else 0
     return STOPPED if 4 * w.stopped >= 3 * g.cycle else 0
 
@@ -342,7 +328,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
     elif fresh and is_swing(c, q, w):
         w.state = SWINGING
         w.pace = w.speed
-        w.stopped, w.off = 0, g.cycle  # in another cycle the ring holds nothing but the swing
+        w.stopped, w.stood, w.off = 0, 0, g.cycle  # in another cycle the ring holds nothing but the swing
         w.recent = c.hold
         q.notices += 1
     elif w.state == FAULT and not q.disturbed:
@@ -358,14 +344,17 @@ def lead_fault(g: Record, q: Record, w: Record, fresh: bool) -> None:
     q.memory.calm = q.memory.still = 0
     q.swing_fault = swing.YOUNG
     quarters = 1 if w.cause == UNBALANCED else 3
-    if w.cause != STOPPED and (q.fault == 0 or 4 * w.age < quarters * g.cycle):
+    known = w.cause in (STOPPED, LOOP_STANDS)
+    if not known and (q.fault == 0 or 4 * w.age < quarters * g.cycle):
         if fresh:
             swing.drift(g, q, w.track)
         return
-    if w.cause == STOPPED:
+    if known:
         swing.feed(q)
     q.energy.direction = 0
-    q.swing_fault = swing.UNBALANCED if w.cause == UNBALANCED or w.unbalanced else swing.BALANCED
+    one = q.standing != 0 and q.standing & PHASE_LOOPS != PHASE_LOOPS
+    unbalanced = w.cause == UNBALANCED or w.unbalanced or one
+    q.swing_fault = swing.UNBALANCED if unbalanced else swing.BALANCED
     swing.without_swing(q, q.fault == THREE_PHASE)
     q.memory.drift = np.inf
     q.memory.age = max(q.memory.age, g.cycle + 1)
@@ -378,6 +367,10 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         return
     q.swing_fault = 0
     fresh = q.memory.tick == 0
+    if w.state == QUIET:
+        q.standing = 0
+    elif fresh:
+        q.standing = standing(g, q, w.pace)
     place(g, q, c, w)
     w.dwell = w.dwell + 1 if w.in_outer else 0
     w.outside = 0 if w.in_outer else w.outside + 1
@@ -488,7 +481,8 @@ RPSB = Function(
         ("steady", "i8"),  # samples of steady motion
         ("way", "f8"),  # on the sphere, meanwhile
         ("between", "i8"),  # samples between the boxes
-        ("stopped", "i8"),
+        ("stopped", "i8"),  # samples that the impedance stands still, ...
+        ("stood", "i8"),  # ... that a loop does
         ("off", "i8"),  # samples that the phasors are not where the swing would be
         ("track", TRACK),
     ),

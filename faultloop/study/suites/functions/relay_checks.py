@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from faultloop.relay.functions import ptoc, rpsb
+from faultloop.relay import swing_rule
+from faultloop.relay.functions import ptoc
 from faultloop.relay.functions.pioc import PIOC
 from faultloop.relay.functions.ptoc import PTOC
 from faultloop.relay.functions.rbrf import RBRF
@@ -42,22 +43,22 @@ def direction_borders(given: Case) -> Case:
 def setting_rule(given: Case) -> Case:
     """Of power-swing blocking."""
     total, outer = given["total_ohm"], given["outer_ohm"]
-    inner, following = rpsb.setting_rule(total, outer, given["slip_hz"], given["crossing_ms"] / 1000)
+    inner, following = swing_rule.setting_rule(total, outer, given["slip_hz"], given["crossing_ms"] / 1000)
     ratio = inner / outer
     return {
-        "outer_deg": rpsb.angle_deg(total, outer),
-        "inner_deg": rpsb.angle_deg(total, inner),
+        "outer_deg": swing_rule.angle_deg(total, outer),
+        "inner_deg": swing_rule.angle_deg(total, inner),
         "inner_ohm": inner,
         "ratio": ratio,
         "next_ms": 1000 * following,
-        "load_deg": rpsb.load_angle_deg(given.get("load_deg", 25.0), ratio),
+        "load_deg": swing_rule.load_angle_deg(given.get("load_deg", 25.0), ratio),
     }
 
 
 def crossing(given: Case) -> Case:
     """Milliseconds from one distance to another, at several slips."""
     total = given["total_ohm"]
-    first, second = (rpsb.angle_deg(total, ohm) for ohm in given["between_ohm"])
+    first, second = (swing_rule.angle_deg(total, ohm) for ohm in given["between_ohm"])
     return {
         "first_deg": first,
         "second_deg": second,
