@@ -2,17 +2,20 @@
 
 It tells what tripped that must not, and how long the others took.
 
-    python bench/functions.py [--cases N] [--seed S] [--method METHOD] fuse|swing|swing-fault|breaker|cost
+    python bench/functions.py [--cases N] [--seed S] [--method METHOD] WHAT
+
+WHAT is one of fuse, swing, swing-fault, swing-outside, breaker, cost.
 
 Networks of two sources of 0.3 to 3 times those of ``tests/relay/network.py``. `fuse`: one, two or three
 voltages are lost under load of -20 to 20 degrees; the load changes, then a fault of any type in the first
 80 % of the line or none, then (without a fault) the voltages are back. `swing`: slips of 0.5 to 7 Hz and
 stable swings of 0.5 to 3 Hz up to 140 degrees; `swing-fault`: with a bolted fault of any type within 80 %,
-at any time after the first 60 ms. `breaker`: a fault's current of 1.5 to 100 times RBRF's limit, with
-offset, is tripped; the poles open at their zeros 30 to 60 ms later, and their cores go on with up to half of
-the crest, of either sign, for 30 to 100 ms; in a third of the cases a pole stays closed: OpEx must come then
-and only then, and the detector be off within 15 ms of the last zero. `cost`: microseconds of CPU a sample,
-all functions against none, and against `fourier` alone, in one run.
+at any time after the first 60 ms; `swing-outside`: with one, in four of ten of 1 to 40 ohm, at the bus
+behind or in the last 8 % of the line, which goes 150 ms later. `breaker`: a fault's current of 1.5 to 100
+times RBRF's limit, with offset, is tripped; the poles open at their zeros 30 to 60 ms later, and their cores
+go on with up to half of the crest, of either sign, for 30 to 100 ms; in a third of the cases a pole stays
+closed: OpEx must come then and only then, and the detector be off within 15 ms of the last zero. `cost`:
+microseconds of CPU a sample, all functions against none, and against `fourier` alone, in one run.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ import math
 import sys
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +111,24 @@ def fuse(rng: np.random.Generator, method: str) -> tuple[str, float]:
     return judge(trips(relay(network, method, tvtr={}, rpsb=BOXES, ptoc=EMERGENCY), x), start_s)
 
 
+def outside(rng: np.random.Generator, method: str) -> tuple[str, float]:
+    """No zone may trip: neither for the fault, nor for the swing after it has gone."""
+    network = draw(rng)
+    hz = float(np.exp(rng.uniform(np.log(0.5), np.log(7))))
+    if rng.random() < 0.6:
+        angle = swings.slipping(network, hz, 0.3 + max(1.2 / hz, 0.6), load_deg=float(rng.choice([-20, 20])))
+    else:
+        hz = min(hz, 3.0)
+        angle = swings.stable(network, hz, float(rng.uniform(60, 140)), 0.3 + max(1.2 / hz, 0.6))
+        angle *= rng.choice([-1, 1])
+    start_s, kind = float(rng.uniform(0.36, len(angle) / FS - 0.15)), str(rng.choice(TYPES))
+    at = -1.0 if rng.random() < 0.5 else float(rng.uniform(0.92, 1.0))
+    ohm = 0.0 if rng.random() < 0.6 else float(np.exp(rng.uniform(0.0, np.log(40.0))))
+    x = swings.samples(network, angle, kind, at, start_s, resistance=ohm, end_s=start_s + 0.15)
+    where = f"{'behind' if at < 0 else 'beyond'}, {'resistance' if ohm else 'bolted'}"
+    return (f"trip, {where}" if trips(relay(network, method, rpsb=BOXES), x) else "right"), np.nan
+
+
 def swing(rng: np.random.Generator, method: str, fault: bool = False) -> tuple[str, float]:
     network = draw(rng)
     hz = float(np.exp(rng.uniform(np.log(0.5), np.log(7))))
@@ -186,11 +208,20 @@ def cost(method: str) -> None:
     print(f"all over fourier's: {figures[f'{method}, all'] / figures['fourier, none']:.2f}")
 
 
+KINDS = {
+    "fuse": fuse,
+    "swing": swing,
+    "swing-fault": partial(swing, fault=True),
+    "swing-outside": outside,
+    "breaker": breaker,
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=["fuse", "swing", "swing-fault", "breaker", "cost"])
+    parser.add_argument("what", choices=[*KINDS, "cost"])
     parser.add_argument("--cases", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--method", default="kalman-bank")
@@ -202,10 +233,7 @@ def main() -> None:
     times = []
     for case in range(given.cases):
         rng = np.random.default_rng([given.seed, case])
-        if given.what in ("fuse", "breaker"):
-            verdict, ms = (fuse if given.what == "fuse" else breaker)(rng, given.method)
-        else:
-            verdict, ms = swing(rng, given.method, given.what == "swing-fault")
+        verdict, ms = KINDS[given.what](rng, given.method)
         verdicts[verdict] += 1
         if not np.isnan(ms):
             times.append(ms)

@@ -52,7 +52,6 @@ TRACK = np.dtype(
         ("turn", "c16"),  # of those since the newest snapshot of the fit
         ("per_sample", "c16"),
         ("frame", "c16"),  # turn of all by the frequency, since the fit
-        ("change", "c16", (6,)),  # against it, at the last snapshot
     ],
     align=True,
 )
@@ -140,16 +139,6 @@ def is_off(g: Record, q: Record) -> bool:
     for k in range(6):
         apart[k] = q.x[k] - m.reference[k]
     return weight(g, apart) > OFF**2 * weight(g, m.reference)
-
-
-@njit(heap=True)
-def drift(g: Record, q: Record, t: Record) -> None:
-    """At a snapshot in a fault: what has moved since the last one is what the change has, not the swing."""
-    step = np.empty(6, np.complex128)
-    for k in range(6):
-        step[k] = q.d[k] - t.change[k]
-        t.change[k] = q.d[k]
-    q.memory.drift = weight(g, step)
 
 
 @njit

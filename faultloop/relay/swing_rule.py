@@ -1,8 +1,17 @@
-"""Setting rules of a power swing's boxes (ABB, application manual of the 670 series, ZMRPSB)."""
+"""A power swing's boxes: setting rules (ABB, application manual of the 670 series, ZMRPSB) and sizes."""
 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
+
+from faultloop.relay.functions.pdis import reach_ohm
+
+if TYPE_CHECKING:
+    from faultloop.relay.functions.rpsb import Rpsb
+    from faultloop.relay.settings import RelaySettings
+
+MARGIN, LOAD_MARGIN = 1.1, 0.8
 
 
 def angle_deg(total_ohm: float, resistance_ohm: float) -> float:
@@ -29,3 +38,24 @@ def setting_rule(
 def load_angle_deg(angle: float, ratio: float) -> float:
     """The load's angle [degrees] as the inner box has it, whose resistance alone is smaller by ``ratio``."""
     return math.degrees(math.atan(math.tan(math.radians(angle)) / ratio))
+
+
+def inner_ohm(settings: RelaySettings, table: Rpsb) -> float:
+    """Resistance of the inner box, as the file has its ohms."""
+    if table.inner_resistance_ohm is not None:
+        return table.inner_resistance_ohm
+    if table.total_ohm is None:
+        return LOAD_MARGIN * table.outer_resistance_ohm
+    slip, crossing = table.initial_slip_hz, table.crossing_ms / 1000
+    return setting_rule(table.total_ohm, table.outer_resistance_ohm, slip, crossing)[0]
+
+
+def reaches(settings: RelaySettings, table: Rpsb) -> tuple[float, float]:
+    """Forward and reverse reach of the inner box, primary [ohm]."""
+    given = []
+    for key, direction in (("forward_reach_ohm", "forward"), ("reverse_reach_ohm", "reverse")):
+        value = getattr(table, key)
+        zones = [abs(reach_ohm(settings, z)) for z in settings.pdis if z.direction in (direction, "none")]
+        least = max([*zones, 0.5 * abs(settings.z1_ohm)])
+        given.append(MARGIN * least if value is None else value * settings.ohm_ratio)
+    return given[0], given[1]

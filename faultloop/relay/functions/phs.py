@@ -223,6 +223,28 @@ def disputed(w: Record, candidate: int) -> bool:
 
 
 @njit
+def select_in_swing(g: Record, q: Record, w: Record) -> None:
+    """One sample of the phase selection in a swing, which itself changes all phases: no two faults are told
+    apart.  A type stands for a quarter of a cycle, or by its loops for a sixteenth."""
+    candidate = swing.fault_type(g, q)
+    if candidate != w.candidate:
+        w.candidate = candidate
+        w.count = 0
+    w.count += 16 if q.standing or candidate == 7 else 4
+    if w.count >= g.cycle:
+        w.fault = candidate
+
+
+@njit
+def forget(w: Record) -> None:
+    """What is known of two faults."""
+    w.crossed = w.behind = w.disputed = 0
+    w.first = w.first_side = w.again = w.again_count = w.ahead = w.aside = 0
+    w.before = w.also = w.from_behind = 0
+    w.side[:] = 0
+
+
+@njit
 def select(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of the phase selection, during a disturbance.
 
@@ -236,7 +258,7 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     as a loop on the line still measures its own.  What looks like that waits for up to a cycle, or zone 1
     would have tripped for both before.
     """
-    candidate = swing.fault_type(g, q) if q.swing_fault > swing.YOUNG else classify(g, c, q.d, q.change)
+    candidate = classify(g, c, q.d, q.change)
     settled = w.fault != 0 and q.memory.age >= 2 * g.cycle
     if settled and candidate != w.fault and classify_without_load(g, q, c) == w.fault:
         candidate = w.fault
@@ -274,13 +296,14 @@ def released(q: Record, fault: int) -> int:
 @njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample; publishes ``q.fault`` and ``q.released``."""
-    if q.disturbed:
+    if q.swing_fault > swing.YOUNG:
+        forget(w)
+        select_in_swing(g, q, w)
+    elif q.disturbed and not q.swing_fault:
         select(g, q, c, w)
     else:
-        w.fault = w.candidate = w.count = w.crossed = w.behind = w.disputed = 0
-        w.first = w.first_side = w.again = w.again_count = w.ahead = w.aside = 0
-        w.before = w.also = w.from_behind = 0
-        w.side[:] = 0
+        w.fault = w.candidate = w.count = 0
+        forget(w)
     q.fault = w.fault
     q.crossed = w.crossed
     q.behind = w.behind

@@ -50,6 +50,8 @@ from faultloop.jit import njit
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import positive_sequence, size2, weight
 from faultloop.relay.quantities import Record, indicate
+from faultloop.relay.standing import standing_place
+from faultloop.relay.swing import BALANCED
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -65,8 +67,8 @@ STILL = 0.05
 _AWAY = {"none": 0, "behind": 1, "ahead": -1}
 """Where a fault is that only inverters feed through the relay's place."""
 SOURCE_MARGIN = 1.25
-OWN_VOLTAGE = 0.1
-"""Of the one before: above it the present voltage polarizes in a swing, in which the one before has moved."""
+AT_THE_RELAY = 0.01
+"""Of the line: nearer to the relay a place by impedance alone has no side."""
 
 
 class Rdir(Table):
@@ -140,8 +142,8 @@ def polarizing_voltage(g: Record, q: Record) -> complex:
     m = q.memory
     v1 = q.sequence[1]
     remembered = positive_sequence(m.reference)
-    if q.swing_fault and size2(v1) > OWN_VOLTAGE**2 * size2(remembered):
-        return v1
+    if q.swing_fault:
+        return v1  # the one before has moved
     if m.age <= g.memory:
         return remembered
     if m.age >= g.memory + g.fade:
@@ -178,8 +180,31 @@ def by_sector(c: Record, v: complex, i: complex) -> int:
 
 
 @njit
+def in_swing(g: Record, q: Record, c: Record) -> int:
+    """What this sample says of a fault in a swing, in which nothing from before is known: by the place of a
+    loop that stands still, else by the negative and zero sequence, of a balanced one by its impedance."""
+    v0, v1, v2, i0, i1, i2 = q.sequence
+    if q.standing:
+        m = standing_place(g, q)
+        if abs(m) > AT_THE_RELAY:
+            return 1 if m > 0.0 else -1
+        if q.swing_fault == BALANCED:
+            return 0
+    if q.swing_fault == BALANCED:
+        return by_sector(c, v1, i1) if size2(v1) > AT_THE_RELAY**2 * size2(g.z1 * i1) else 0
+    least = g.minimum_unbalance**2 * size2(i1)
+    if size2(i2) > least:
+        return by_impedance(c, projection(v2, i2, g.z1), size2(i2), g.z1)
+    if size2(i0) > least:
+        return by_impedance(c, projection(v0, i0, g.z0), size2(i0), g.z0)
+    return 0
+
+
+@njit
 def indication(g: Record, q: Record, c: Record) -> int:
     """What this sample says: 1 forward, -1 reverse, 0 nothing, 2 as before."""
+    if q.swing_fault:
+        return in_swing(g, q, c)
     d = q.change
     first = projection(d[1], d[4], g.z1) + projection(d[2], d[5], g.z1)
     current2 = size2(d[4]) + size2(d[5])

@@ -18,8 +18,6 @@ where
   swing would have needed much longer;
 - a loop stands still as a piece of the line for an eighth of a cycle (`faultloop.relay.standing`), while
   the swing goes on: near the swing's centre nothing else shows;
-- the impedance stands still at the line's angle, suddenly, for three quarters of a cycle: a three-phase fault
-  near the swing's centre does not jump (a swing that turns back comes to rest slowly, and not there);
 - it has been in the outer box for ``release_s``.
 
 Before a swing is found, a balanced state that still moves fast starts no zone.
@@ -50,20 +48,19 @@ from faultloop.relay.memory import size2
 from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, request_trip
 from faultloop.relay.standing import PHASE_LOOPS, standing
 from faultloop.relay.swing import TRACK
-from faultloop.relay.swing_rule import setting_rule
+from faultloop.relay.swing_rule import inner_ohm, reaches
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
 QUIET, SWINGING, FAULT = range(3)
-UNBALANCED, JUMPED, STOPPED, TOO_LONG, LOOP_STANDS = range(1, 6)
+UNBALANCED, JUMPED, STANDS, TOO_LONG = range(1, 5)
 CAUSES = (
     "",
     "I2 or I0",
     "a jump",
-    "the impedance stands still",
-    "it has lasted too long",
     "a loop that stands still",
+    "it has lasted too long",
 )
 ALL_ZONES = -1
 NO_TRIP, WAY_IN, WAY_OUT = range(3)
@@ -71,19 +68,13 @@ STEADY = 0.6
 """Bend over way of half a cycle: above it the motion is none of a swing's (of 7 Hz it is 0.45)."""
 JUMP, JUMP_LEAST = 2.5, 0.08
 """Times the swing's own way, and a way on the sphere."""
-SLOWED = 0.25
-"""Of the swing's way: below it the impedance stands still ..."""
-AT_THE_LINE = 0.15
-"""... within so much of it (and of the line's) beside the line's angle."""
 IMAGE = 0.35
 """Of the way of half a cycle: so much I2 of I1 is what an estimator makes of balanced currents that slip."""
 RUSHING = 0.12
 """Way of half a cycle: a balanced state that moves faster starts no zone; a three-phase fault has stopped
 by then."""
-KEPT_CYCLES = 4
 STARTED, STARTED_WAY = 2, 0.2
 """Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less."""
-MARGIN, LOAD_MARGIN = 1.1, 0.8
 OPERATED_CYCLES = 5
 
 
@@ -136,27 +127,6 @@ class Rpsb(Table):
         if self.slips > 1 and self.trip != "way-out":
             raise ValueError('slips belongs to trip = "way-out"')
         return self
-
-
-def inner_ohm(settings: RelaySettings, table: Rpsb) -> float:
-    """Resistance of the inner box, as the file has its ohms."""
-    if table.inner_resistance_ohm is not None:
-        return table.inner_resistance_ohm
-    if table.total_ohm is None:
-        return LOAD_MARGIN * table.outer_resistance_ohm
-    slip, crossing = table.initial_slip_hz, table.crossing_ms / 1000
-    return setting_rule(table.total_ohm, table.outer_resistance_ohm, slip, crossing)[0]
-
-
-def reaches(settings: RelaySettings, table: Rpsb) -> tuple[float, float]:
-    """Forward and reverse reach of the inner box, primary [ohm]."""
-    given = []
-    for key, direction in (("forward_reach_ohm", "forward"), ("reverse_reach_ohm", "reverse")):
-        value = getattr(table, key)
-        zones = [abs(reach_ohm(settings, z)) for z in settings.pdis if z.direction in (direction, "none")]
-        least = max([*zones, 0.5 * abs(settings.z1_ohm)])
-        given.append(MARGIN * least if value is None else value * settings.ohm_ratio)
-    return given[0], given[1]
 
 
 def values(settings: RelaySettings, table: Rpsb) -> dict[str, Any]:
@@ -242,17 +212,10 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
     between = moves and w.in_outer and not w.in_inner
     w.between = w.between + g.snapshot if between else 0
     older = swing.distance(earlier, swing.point_ago(g, m, 3 * lag))
-    if w.state != SWINGING:
+    if w.state == QUIET:
         w.pace = older
-    elif not stands(g, w):
+    elif w.state == SWINGING and w.off == 0 and q.standing == 0:
         w.pace += 0.1 * (older - w.pace)
-
-
-@njit
-def stands(g: Record, w: Record) -> bool:
-    """Whether the impedance, which was moving, stands still at the line's angle."""
-    aside = AT_THE_LINE * (math.sqrt(w.along**2 + w.beside**2) + abs(g.z1))
-    return w.in_inner and abs(w.beside) < aside and w.speed < SLOWED * w.pace
 
 
 @njit
@@ -279,9 +242,8 @@ def fault_sign(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> int:
         return JUMPED
     w.stood = w.stood + g.snapshot if w.in_outer and q.standing else 0
     if 8 * w.stood >= g.cycle:
-        return LOOP_STANDS
-    w.stopped = w.stopped + g.snapshot if stands(g, w) else 0
-    return STOPPED if 4 * w.stopped >= 3 * g.cycle else 0
+        return STANDS
+    return 0
 
 
 @njit
@@ -306,6 +268,21 @@ def out_of_step(g: Record, q: Record, c: Record, w: Record) -> None:
 
 
 @njit
+def is_over(g: Record, q: Record, c: Record, w: Record) -> bool:
+    """Whether a fault in the swing has gone: for three quarters of a cycle nothing says that it is there."""
+    says = w.unbalanced > 0 or q.standing != 0 or w.dwell > c.release
+    w.silent = 0 if says else w.silent + 1
+    return 4 * w.silent >= 3 * g.cycle and 4 * w.age >= 5 * g.cycle
+
+
+@njit
+def resume(g: Record, w: Record) -> None:
+    """What moves is a swing, again or for the first time."""
+    w.state = SWINGING
+    w.stood, w.off = 0, g.cycle  # in another cycle the ring holds nothing but the swing
+
+
+@njit
 def end(g: Record, q: Record, w: Record) -> None:
     """The swing is over: what is now is what is normal."""
     w.state = QUIET
@@ -321,40 +298,44 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
         w.cause = fault_sign(g, q, c, w, fresh)
         if w.cause:
             w.state = FAULT
-            w.age = w.steady = w.between = 0
+            w.age = w.steady = w.between = w.silent = w.apart = 0
             q.notices += 1
         elif w.outside > c.hold and w.steady == 0:
             end(g, q, w)
     elif fresh and is_swing(c, q, w):
-        w.state = SWINGING
+        resume(g, w)
         w.pace = w.speed
-        w.stopped, w.stood, w.off = 0, 0, g.cycle  # in another cycle the ring holds nothing but the swing
         w.recent = c.hold
         q.notices += 1
     elif w.state == FAULT and not q.disturbed:
         w.state = QUIET
         q.notices += 1
+    elif w.state == FAULT and is_over(g, q, c, w):
+        if w.in_outer:
+            resume(g, w)
+            q.notices += 1
+        else:
+            end(g, q, w)
 
 
 @njit
-def lead_fault(g: Record, q: Record, w: Record, fresh: bool) -> None:
-    """One sample of a fault in a swing.  The change against the swing gives its type; as that goes on it
-    grows old, so what follows is judged by what a swing has none of."""
+def lead_fault(g: Record, q: Record, w: Record) -> None:
+    """One sample of a fault in a swing, judged by what a swing has none of: negative and zero sequence, and
+    loops that stand still.  Until these are there no zone starts: the change against the swing is that of an
+    estimator that lags, and its energy, in the samples, is of no side."""
     swing.follow(q.memory, w.track)
     q.memory.calm = q.memory.still = 0
-    q.swing_fault = swing.YOUNG
-    quarters = 1 if w.cause == UNBALANCED else 3
-    known = w.cause in (STOPPED, LOOP_STANDS)
-    if not known and (q.fault == 0 or 4 * w.age < quarters * g.cycle):
-        if fresh:
-            swing.drift(g, q, w.track)
-        return
-    if known:
-        swing.feed(q)
     q.energy.direction = 0
-    one = q.standing != 0 and q.standing & PHASE_LOOPS != PHASE_LOOPS
-    unbalanced = w.cause == UNBALANCED or w.unbalanced or one
-    q.swing_fault = swing.UNBALANCED if unbalanced else swing.BALANCED
+    still = q.standing & PHASE_LOOPS
+    one = q.standing != 0 and still != PHASE_LOOPS
+    w.apart = g.cycle // 2 if w.unbalanced or one else max(w.apart - 1, 0)
+    waits = 4 * w.age < g.cycle and w.cause != STANDS
+    if waits or (w.apart == 0 and still != PHASE_LOOPS and w.cause != TOO_LONG):
+        q.swing_fault = swing.YOUNG
+        q.blocked_zones = ALL_ZONES
+        return
+    swing.feed(q)
+    q.swing_fault = swing.UNBALANCED if w.apart and still != PHASE_LOOPS else swing.BALANCED
     swing.without_swing(q, q.fault == THREE_PHASE)
     q.memory.drift = np.inf
     q.memory.age = max(q.memory.age, g.cycle + 1)
@@ -370,7 +351,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if w.state == QUIET:
         q.standing = 0
     elif fresh:
-        q.standing = standing(g, q, w.pace)
+        q.standing = standing(g, q, w.pace, w.state == FAULT and w.cause == JUMPED)
     place(g, q, c, w)
     w.dwell = w.dwell + 1 if w.in_outer else 0
     w.outside = 0 if w.in_outer else w.outside + 1
@@ -388,15 +369,14 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         w.recent = c.hold
         if fresh:
             w.off = w.off + g.snapshot if swing.is_off(g, q) else 0
-            if (w.off == 0 and w.stopped == 0) or w.off > 2 * g.cycle:
+            if (w.off == 0 and q.standing == 0) or w.off > 2 * g.cycle:
                 swing.fit(g, q.memory, w.track, g.snapshots // 4)
         swing.follow(q.memory, w.track)
         swing.is_normal(g, q)
         q.blocked_zones = ALL_ZONES
     elif w.state == FAULT:
         w.age += 1
-        if w.age <= KEPT_CYCLES * g.cycle:  # near the swing's centre a fault shows only as that moves on
-            lead_fault(g, q, w, fresh)
+        lead_fault(g, q, w)
     elif w.in_outer and w.unbalanced == 0 and not q.was_started and 2 * w.quick > RUSHING:
         q.blocked_zones = ALL_ZONES
     indicate(q, c.bit + 1, w.state == SWINGING)
@@ -481,8 +461,9 @@ RPSB = Function(
         ("steady", "i8"),  # samples of steady motion
         ("way", "f8"),  # on the sphere, meanwhile
         ("between", "i8"),  # samples between the boxes
-        ("stopped", "i8"),  # samples that the impedance stands still, ...
-        ("stood", "i8"),  # ... that a loop does
+        ("stood", "i8"),  # samples that a loop stands still
+        ("apart", "i8"),  # samples left for which a fault in the swing is no balanced one
+        ("silent", "i8"),  # samples for which nothing has said that the fault is there
         ("off", "i8"),  # samples that the phasors are not where the swing would be
         ("track", TRACK),
     ),

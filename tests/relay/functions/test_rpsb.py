@@ -70,6 +70,36 @@ def test_no_stable_swing_trips_on_the_way_out() -> None:
     assert trips(relay(table), swings.samples(NETWORK, swings.stable(NETWORK, 1.0, 150.0, 2.0))) == []
 
 
+NEAR_THE_CENTRE = [
+    ("BCG", 0.40, 176.0, 4.1),
+    ("AG", 0.78, 161.0, 3.2),
+    ("ABCG", 0.71, 215.0, 3.9),
+    ("AB", 0.77, 90.0, 2.0),
+]
+
+
+@pytest.mark.parametrize(("kind", "at", "degrees", "slip"), NEAR_THE_CENTRE)
+def test_a_fault_that_changes_next_to_nothing_trips_within_60_ms(
+    kind: str, at: float, degrees: float, slip: float
+) -> None:
+    """Near 180 degrees the voltage is gone without a fault, too: a loop that stands still tells it."""
+    start = 0.3 + (degrees - 20.0) / (360 * slip)
+    x = swings.samples(NETWORK, swings.slipping(NETWORK, slip, start + 0.1), kind, at, start)
+    [(at_s, _)] = trips(relay(BOXES), x)[:1]
+    assert start < at_s <= start + 0.060
+
+
+@pytest.mark.parametrize("kind", ["ABC", "CG", "AB", "BCG"])
+@pytest.mark.parametrize(("at", "degrees"), [(-1.0, 120.0), (-1.0, 240.0), (0.95, 90.0), (0.95, 185.0)])
+def test_no_fault_outside_trips_in_a_swing_and_none_when_it_has_gone(
+    kind: str, at: float, degrees: float
+) -> None:
+    slip = 1.8
+    start = 0.3 + (degrees - 20.0) / (360 * slip)
+    angle = swings.slipping(NETWORK, slip, start + 0.3)
+    assert trips(relay(BOXES), swings.samples(NETWORK, angle, kind, at, start, end_s=start + 0.15)) == []
+
+
 def osc_relay(method: str, rpsb: dict[str, Any] | None) -> Relay:
     """The real relay's reach is not known; its zone 1 operated in this swing."""
     given = {
