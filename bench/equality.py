@@ -2,7 +2,8 @@
 
     python bench/equality.py [CASES] [--seed N] [--first N] [--rows N]
 
-Each scenario is run three times: by `faultloop.run` with a log, by `run` without one, and by `Cases`.  Trips,
+Each scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept from
+the runs before, and by `Cases`.  Trips,
 faults, events (of one instant in any order), positions, frames, bus load, locations: to the nanosecond and
 bit.  Then a campaign of N rows (2) varies it, and each row, as it is read back from the Parquet file, is what
 `run` of that case and its log say.  The first difference ends it, with status 3 and the scenario's number.
@@ -24,7 +25,7 @@ import pyarrow.parquet as pq
 
 import faultloop
 from faultloop.config.toml_text import toml_text
-from faultloop.loop.case import Cases
+from faultloop.loop.case import Cases, give_back
 from faultloop.loop.outcome import Cast, Fold, TripReport, outcome_of
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import RelaySettings
@@ -196,6 +197,7 @@ def differences(
     """What a log, a run and a case do not say alike; empty where all agree."""
     logged = faultloop.run(scenario, settings=settings, log=folder / "case.mcap")
     fold = Fold(Cast.of_scenario(scenario))
+    give_back(Cases())  # as the first run of a thread
     alone = faultloop.run(scenario, settings=settings, keep=False, sinks=[fold])
     case = cases.prepare(scenario, settings).run()
     said = fold.outcome()
@@ -231,6 +233,7 @@ def row_differences(campaign: faultloop.Campaign, folder: Path) -> list[str]:
     for row in pq.read_table(out).to_pylist():
         try:
             case = campaign.case(row["case"])
+            give_back(Cases())
             done = faultloop.run(case.scenario, settings=case.settings, log=folder / "case.mcap", keep=False)
         except faultloop.InputError as error:
             if row["error"] is None or not str(error).startswith(row["error"]):
