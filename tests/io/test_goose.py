@@ -381,8 +381,10 @@ def test_names_are_those_that_scl_takes() -> None:
     assert len(set(refs)) == len(refs)
     addresses = [(s.address.destination, s.address.app_id) for s in Station().streams()]
     assert len(set(addresses)) == len(addresses) == len({a for _, a in addresses})
-    # line differential's phasors are of CAN FD alone: between the ends of a line there is no process bus
-    assert {block.kind for block in BLOCKS} == set(Kind) - {Kind.SAMPLED_VALUES, Kind.DIFFERENTIAL}
+    # Line differential's phasors are of CAN FD alone: between the ends of a line there is no process bus; and
+    # on a process bus the time comes by PTP (IEC 61850-9-3).
+    of_can = {Kind.SAMPLED_VALUES, Kind.DIFFERENTIAL, Kind.TIME_SYNC}
+    assert {block.kind for block in BLOCKS} == set(Kind) - of_can
 
 
 def test_what_goose_does_not_carry_is_one_line() -> None:
