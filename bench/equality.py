@@ -2,10 +2,9 @@
 
     python bench/equality.py [CASES] [--seed N] [--first N] [--rows N]
 
-Each scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept from
-the runs before, and by `Cases`.  Trips,
-faults, events (of one instant in any order), positions, frames, bus load, locations: to the nanosecond and
-bit.  Then a campaign of N rows (2) varies it, and each row, as it is read back from the Parquet file, is what
+Each scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept
+from the runs before, and by `Cases`.  Trips, faults, events (of one instant in any order), positions,
+frames, bus load, locations: to the nanosecond and bit.  Then a campaign of N rows (2) varies it, and each row, as it is read back from the Parquet file, is what
 `run` of that case and its log say.  The first difference ends it, with status 3 and the scenario's number.
 """
 
