@@ -4,9 +4,9 @@
 
 Each scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept
 from the runs before, and by `Cases`.  Trips, faults, events (of one instant in any order), positions,
-frames, bus load, locations: to the nanosecond and bit.  Then a campaign of N rows (2) varies it, and each row,
-as it is read back from the Parquet file, is what `run` of that case and its log say.  The first difference
-ends it, with status 3 and the scenario's number.
+frames, bus load, locations: to the nanosecond and bit.  Then a campaign of N rows (2) varies it, and each
+row, as it is read back from the Parquet file, is what `run` of that case and its log say.  The first
+difference ends it, with status 3 and the scenario's number.
 """
 
 from __future__ import annotations
