@@ -195,10 +195,6 @@ class Plan:
         """The same for cases with the same settings and the same network before the fault."""
         return repr([values[key] for key in self.keys if not of_fault(key)])
 
-    def settings(self, values: Mapping[str, Any]) -> str:
-        """The same for cases with the same settings."""
-        return repr([values[key] for key in self.keys if key.startswith("relay.")])
-
     def _read_settings(self) -> None:
         """Every file that a case may name, so that the campaign's file can carry it."""
         for vary in self.tables.vary:
