@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
-from numba.core import registry, sigutils, types
+from numba.core import config, registry, sigutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.environment import lookup_environment
@@ -81,6 +81,15 @@ class _Root(JITCodeLibrary):
                 self._reload_init.update(library._reload_init)
                 module.link_in(library._get_module_for_linking(), preserve=True)
         super().finalize()
+
+    def _optimize_final_module(self) -> None:
+        """Operations of the same kind side by side go into vectors, which changes no bit of a result.  numba
+        leaves that out."""
+        given, config.SLP_VECTORIZE = config.SLP_VECTORIZE, 1  # under numba's lock
+        try:
+            super()._optimize_final_module()
+        finally:
+            config.SLP_VECTORIZE = given
 
     def _verify_declare_only_symbols(self) -> None:
         super()._verify_declare_only_symbols()
