@@ -31,6 +31,7 @@ from faultloop.relay.estimators.disturbance import (
     is_sample,
     noise_variance,
 )
+from faultloop.relay.estimators.filters.logarithm import logarithm
 from faultloop.relay.estimators.reference import PEAK_TO_RMS, reference
 
 PROCESS = HEADER  # process noise of the phasors per sample, over R
@@ -55,11 +56,13 @@ ROW = 1  # the offset's entry of H
 P00, P01, P02, P11, P12, P22 = range(2, 8)
 TOTAL = 8  # S = H P H' + 1
 GAIN = 9  # three: P H', not yet divided by S
-HALF_LOG = 12  # of S
-STATE = 13  # three of re, im, offset
-EVIDENCE = 22  # three: log likelihood, the best is 0
-WEIGHT = 25  # three
-LIST_COUNT = 28
+PRECISION = 12  # 1 / S
+HALF_LOG = 13  # of S
+STATE = 14  # three of re, im, offset
+EVIDENCE = 23  # three: log likelihood, the best is 0
+WEIGHT = 26  # three
+RESIDUAL = 29  # three: what the model did not foresee of the currents
+LIST_COUNT = 32
 
 LEAST_EVIDENCE = -60.0  # so that a model that was wrong can come back; and exp gives no denormal numbers
 COHERENCE = 0.95  # of the voltages with those a cycle ago, squared: below it the turn is no frequency
@@ -191,24 +194,24 @@ def predict_models(state: Array, models: Models, cos: float, sin: float) -> None
 
 
 @njit
-def innovations(
-    state: Array, models: Models, m: int, x: Array, sampled: Flags, cos: float, sin: float
-) -> Triple:
-    """What model ``m`` did not foresee of the three currents; 0 of one that is missing."""
-    row = state[place(models, ROW) + m]
-    re, im = current(state, models, 0, m), current(state, models, 1, m)
-    offset = current(state, models, 2, m)
-    foreseen = plus(plus(scaled(re, cos), scaled(im, -sin)), scaled(offset, row))
-    return chosen(sampled, plus(x, scaled(foreseen, -1.0)), (0.0, 0.0, 0.0))
+def compare_models(state: Array, models: Models, x: Array, sampled: Flags, cos: float, sin: float) -> None:
+    """What every model did not foresee of the three currents; 0 of one that is missing."""
+    for m in range(len(models)):
+        row = state[place(models, ROW) + m]
+        re, im = current(state, models, 0, m), current(state, models, 1, m)
+        offset = current(state, models, 2, m)
+        foreseen = plus(plus(scaled(re, cos), scaled(im, -sin)), scaled(offset, row))
+        residual = chosen(sampled, plus(x, scaled(foreseen, -1.0)), (0.0, 0.0, 0.0))
+        put_lane(state, models, RESIDUAL, m, residual)
 
 
 @njit
-def predict_currents(state: Array, models: Models, x: Array, sampled: Flags, cos: float, sin: float) -> None:
+def predict_currents(state: Array, models: Models) -> None:
     """Innovation of the mixture and its variance: of the models' mean, and between the models."""
     total = place(models, TOTAL)
     mean = square = within = (0.0, 0.0, 0.0)
     for m in range(len(models)):
-        e = innovations(state, models, m, x, sampled, cos, sin)
+        e = lane(state, models, RESIDUAL, m)
         weight = lane(state, models, WEIGHT, m)
         mean = plus(mean, times(weight, e))
         square = plus(square, times(times(weight, e), e))
@@ -263,9 +266,9 @@ def correct_voltages(state: Array, x: Array, cos: float, sin: float) -> None:
 
 
 @njit
-def correct_models(state: Array, models: Models, x: Array, sampled: Flags, cos: float, sin: float) -> None:
+def correct_models(state: Array, models: Models, sampled: Flags) -> None:
     """Every model's three states and evidence."""
-    total, half_log = place(models, TOTAL), place(models, HALF_LOG)
+    precision, half_log = place(models, PRECISION), place(models, HALF_LOG)
     fade = state[FADE]
     half_precision = (
         0.5 / noise_variance(state, 3),
@@ -273,9 +276,8 @@ def correct_models(state: Array, models: Models, x: Array, sampled: Flags, cos: 
         0.5 / noise_variance(state, 5),
     )
     for m in range(len(models)):
-        e = innovations(state, models, m, x, sampled, cos, sin)
-        s = state[total + m]
-        ratio = (e[0] / s, e[1] / s, e[2] / s)
+        e = lane(state, models, RESIDUAL, m)
+        ratio = scaled(e, state[precision + m])
         gain = lane(state, models, GAIN, m)
         for part in range(3):
             moved = plus(current(state, models, part, m), scaled(ratio, gain[part]))
@@ -324,9 +326,9 @@ def weigh(state: Array, models: Models) -> None:
     whole = (0.0, 0.0, 0.0)
     for m in range(len(models)):
         whole = plus(whole, lane(state, models, WEIGHT, m))
+    part = (1.0 / whole[0], 1.0 / whole[1], 1.0 / whole[2])
     for m in range(len(models)):
-        w = lane(state, models, WEIGHT, m)
-        put_lane(state, models, WEIGHT, m, (w[0] / whole[0], w[1] / whole[1], w[2] / whole[2]))
+        put_lane(state, models, WEIGHT, m, times(lane(state, models, WEIGHT, m), part))
 
 
 @njit
@@ -345,11 +347,12 @@ def mix(state: Array, models: Models, sampled: Flags) -> None:
 
 
 @njit
-def correct_currents(state: Array, models: Models, x: Array, sampled: Flags, cos: float, sin: float) -> None:
-    total, half_log = place(models, TOTAL), place(models, HALF_LOG)
+def correct_currents(state: Array, models: Models, sampled: Flags) -> None:
+    total, precision, half_log = place(models, TOTAL), place(models, PRECISION), place(models, HALF_LOG)
     for m in range(len(models)):
-        state[half_log + m] = 0.5 * math.log(state[total + m])
-    correct_models(state, models, x, sampled, cos, sin)
+        state[precision + m] = 1.0 / state[total + m]
+        state[half_log + m] = 0.5 * logarithm(state[total + m])
+    correct_models(state, models, sampled)
     for c in range(3):
         if sampled[c]:
             predicted = state[PREDICTED + 3 + c] * noise_variance(state, 3 + c)
@@ -359,7 +362,7 @@ def correct_currents(state: Array, models: Models, x: Array, sampled: Flags, cos
     at00, at01, at02 = place(models, P00), place(models, P01), place(models, P02)
     at11, at12, at22 = place(models, P11), place(models, P12), place(models, P22)
     for m in range(len(models)):
-        s = 1.0 / state[total + m]
+        s = state[precision + m]
         a, b, f = lane(state, models, GAIN, m)
         state[at00 + m] -= s * a * a
         state[at01 + m] -= s * a * b
@@ -412,12 +415,14 @@ def write(state: Array, out: Array, cos: float, sin: float) -> None:
 @njit
 def learn(state: Array, models: Models, y: Array, sampled: Flags, cos: float, sin: float) -> None:
     """Compare the mean of the window with the prediction, and correct what may be corrected."""
+    currents = (y[3], y[4], y[5])
     if state[AGE] < state[TAPS] - 1.0:  # the window holds samples from before the disturbance
         state[AGE] += 1.0
         if state[AGE] < state[TAPS] - 1.0:
             return
         state[WAVES] = state[WAVES_AT_RENEWAL]
         renew(state, models, cos, sin)
+        compare_models(state, models, currents, sampled, cos, sin)
     else:
         for c in range(CHANNELS):
             compare(state, c, state[INNOVATION + c], state[PREDICTED + c] * base_variance(state, c))
@@ -425,8 +430,9 @@ def learn(state: Array, models: Models, y: Array, sampled: Flags, cos: float, si
             if state[TAPS] > 1.0:
                 return
             renew(state, models, cos, sin)
+            compare_models(state, models, currents, sampled, cos, sin)
     correct_voltages(state, y, cos, sin)
-    correct_currents(state, models, (y[3], y[4], y[5]), sampled, cos, sin)
+    correct_currents(state, models, sampled)
     follow_frequency(state)
 
 
@@ -449,7 +455,8 @@ def step(state: Array, models: Models, x: Array, out: Array) -> None:
     sampled = (is_sample(y[3]), is_sample(y[4]), is_sample(y[5]))
     predict_voltages(state, y, cos, sin)
     predict_models(state, models, cos, sin)
-    predict_currents(state, models, (y[3], y[4], y[5]), sampled, cos, sin)
+    compare_models(state, models, (y[3], y[4], y[5]), sampled, cos, sin)
+    predict_currents(state, models)
     learn(state, models, y, sampled, cos, sin)
     write(state, out, math.cos(ahead), math.sin(ahead))
     state[N] += 1.0
