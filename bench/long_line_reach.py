@@ -34,10 +34,12 @@ def sequence(case: dict[str, Any], number: int) -> Sequence:
     line, turn = case["line"], case["frequency"] / case["f0"]
     z = complex(line[f"r{number}_ohm_per_km"], turn * line[f"x{number}_ohm_per_km"])
     y = 1e-6j * turn * line.get(f"b{number}_us_per_km", 1e-9)
-    at, length = case["at"], case["length"]
-    sections = [("XA", case["near"]), ("AF", at * length), ("FB", (1 - at) * length), ("BC", case["far"])]
+    sections = [("XA", case["near"]), ("AB", case["length"]), ("BC", case["far"])]
     if case["parallel"]:
-        sections.append(("AB", length))
+        sections.append(("AB", case["length"]))
+    place = {"behind": 0, "inside": 1, "beyond": 2, "parallel": 3}[case["where"]]
+    (first, last), km = sections.pop(place)
+    sections += [(first + "F", case["at"] * km), ("F" + last, (1 - case["at"]) * km)]
     matrix = np.zeros((5, 5), complex)
     for (i, j), km in (([BUSES.index(b) for b in ends], km) for ends, km in sections):
         gamma, surge = cmath.sqrt(z * y), cmath.sqrt(z / y)
@@ -60,25 +62,26 @@ def source_currents(case: dict[str, Any]) -> np.ndarray:
 
 
 def measured(case: dict[str, Any], end: int) -> tuple[complex, complex, complex]:
-    """Of A-G on the line, per unit of the line's impedance; the loop's voltage, and what the voltages at the
-    fault leave of it, per unit."""
+    """Of a bolted A-G, per unit of the line's impedance; the loop's voltage, and what the voltages at the
+    fault, or at the line's other end, leave of it, per unit."""
     one, zero = sequence(case, 1), sequence(case, 0)
     before = one.matrix @ source_currents(case)
     fault = BUSES.index("F")
     current = before[fault] / (2 * one.matrix[fault, fault] + zero.matrix[fault, fault])
     positive = before - 2 * one.matrix[:, fault] * current  # V1 + V2
     residual = -zero.matrix[:, fault] * current
-    bus = BUSES.index("AB"[end])
-    km = case["length"] * (1 - case["at"] if end else case["at"])
+    bus, other, km = BUSES.index("AB"[end]), BUSES.index("BA"[end]), case["length"]
+    if case["where"] == "inside":
+        other, km = fault, km * (1 - case["at"] if end else case["at"])
 
     def into_the_line(s: Sequence, v: np.ndarray) -> complex:
         gamma, surge = cmath.sqrt(s.z * s.y), cmath.sqrt(s.z / s.y)
-        return (v[bus] * cmath.cosh(gamma * km) - v[fault]) / (surge * cmath.sinh(gamma * km))
+        return (v[bus] * cmath.cosh(gamma * km) - v[other]) / (surge * cmath.sinh(gamma * km))
 
     i = into_the_line(one, positive) + into_the_line(zero, residual) * zero.z / one.z
     v = positive[bus] + residual[bus]
     left = [1 / cmath.cosh(cmath.sqrt(s.z * s.y) * km) for s in (one, zero)]
-    return v / (i * one.z * case["length"]), v, (left[0] - left[1]) * positive[fault]
+    return v / (i * one.z * case["length"]), v, (left[0] - left[1]) * positive[other]
 
 
 def main() -> None:
@@ -89,12 +92,12 @@ def main() -> None:
     given = parser.parse_args()
     for number in given.case:
         case = draw(given.seed, number, given.kind)
-        if case["where"] != "inside" or case["type"] not in ("AG", "BG", "CG"):
-            print(f"{number}: no one-phase fault on the line")
+        if case["type"] not in ("AG", "BG", "CG") or case["resistance"]:
+            print(f"{number}: no bolted one-phase fault")
             continue
         for end in (0, 1):
             seen, z = view(case, end), measured(case, end)
-            where = f"{number} from {'AB'[end]}: {seen.at:.3f} of {seen.length:.0f} km, SIR {seen.sir:.1f}"
+            where = f"{number} from {'AB'[end]}: {seen.where}, {seen.at:.3f} of {seen.length:.0f} km, SIR {seen.sir:.1f}"
             print(f"{where}: measured {z[0]:.3f} of the line;"
                   f" loop voltage {abs(z[1]):.3f}, of it left {abs(z[2]):.3f} per unit")  # fmt: skip
 

@@ -228,13 +228,19 @@ def indication(g: Record, q: Record, c: Record) -> int:
 
 
 @njit
+def agree(w: Record) -> None:
+    """Nothing speaks against the energy: the sums begin anew."""
+    w.contrary = 0
+    w.power = w.apparent = 0.0
+
+
+@njit
 def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
     """Whether another direction than the energy's has stood for a cycle, with phasors that stand still whose
     power goes that way."""
     still = q.memory.drift < STILL**2 * weight(g, q.d)
     if candidate in (0, q.energy.direction) or not still:
-        w.contrary = 0
-        w.power = w.apparent = 0.0
+        agree(w)
         return False
     w.contrary += 1
     power = voltage2 = current2 = 0.0
@@ -250,7 +256,8 @@ def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
 @njit
 def forget(w: Record) -> None:
     """Back to rest."""
-    w.direction = w.candidate = w.count = w.contrary = w.changed = w.crossed = w.fed = w.fed_for = 0
+    w.direction = w.candidate = w.count = w.changed = w.crossed = w.fed = w.fed_for = 0
+    agree(w)
 
 
 @njit
@@ -265,7 +272,8 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
         return
     fed = fed_by_inverters(g, q, c, w) if c.away else -1
     if fed >= 0:  # by inverters, or not yet known
-        w.count = w.contrary = 0
+        w.count = 0
+        agree(w)
         w.direction = c.away if fed and q.fault else 0
         return
     candidate = indication(g, q, c)
@@ -276,7 +284,8 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
     if q.crossed:
         w.crossed = 1
     if q.memory.age <= YOUNG_CYCLES * g.cycle:
-        w.changed = w.contrary = 0
+        w.changed = 0
+        agree(w)
     elif contradicts(g, q, w, candidate):
         w.changed = 1
     w.changed |= w.crossed

@@ -20,7 +20,8 @@ where
   the swing goes on: near the swing's centre nothing else shows;
 - it has been in the outer box for ``release_s``.
 
-Before a swing is found, a balanced state that still moves fast starts no zone.
+Before a swing is found, a balanced state that still moves fast starts no zone, unless it began to by a leap
+that no swing makes: then it is a fault, whose estimate settles or rings.
 
 The swing is over ``hold_ms`` after the impedance has left the outer box.
 
@@ -73,6 +74,9 @@ IMAGE = 0.35
 RUSHING = 0.12
 """Way of half a cycle: a balanced state that moves faster starts no zone; a three-phase fault has stopped
 by then."""
+LEAP, LEAP_CYCLES = 0.5, 2.5
+"""Way of a quarter of a cycle in the first half cycle of a disturbance that is a fault's; so long from its
+beginning its rushing is none of a swing's.  Later one may have begun, by the fault's clearing."""
 STARTED, STARTED_WAY = 2, 0.2
 """Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less."""
 OPERATED_CYCLES = 5
@@ -203,6 +207,10 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
     w.speed = swing.distance(now, before)
     w.past = swing.distance(before, earlier)
     w.quick = swing.distance(now, swing.point_ago(g, m, lag // 2))
+    if not q.disturbed:
+        w.leapt = 0
+    elif 2 * q.memory.age <= g.cycle and w.quick > LEAP:
+        w.leapt = 1
     bent = swing.bend(now, before, earlier)
     balanced = w.unbalanced == 0 and size2(q.sequence[4]) >= c.minimum**2
     moves = balanced and w.speed >= c.least
@@ -319,6 +327,14 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
 
 
 @njit
+def rushes(g: Record, q: Record, w: Record) -> bool:
+    """Whether a balanced state moves as fast as a swing that has not been found yet."""
+    if w.leapt and q.memory.age <= LEAP_CYCLES * g.cycle:
+        return False
+    return w.in_outer and w.unbalanced == 0 and not q.was_started and 2 * w.quick > RUSHING
+
+
+@njit
 def lead_fault(g: Record, q: Record, w: Record) -> None:
     """One sample of a fault in a swing, judged by what a swing has none of: negative and zero sequence, and
     loops that stand still.  Until these are there no zone starts: the change against the swing is that of an
@@ -377,7 +393,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     elif w.state == FAULT:
         w.age += 1
         lead_fault(g, q, w)
-    elif w.in_outer and w.unbalanced == 0 and not q.was_started and 2 * w.quick > RUSHING:
+    elif rushes(g, q, w):
         q.blocked_zones = ALL_ZONES
     indicate(q, c.bit + 1, w.state == SWINGING)
     indicate(q, c.bit + 2, w.state == FAULT)
@@ -457,6 +473,7 @@ RPSB = Function(
         ("speed", "f8"),  # way on the sphere in the last half cycle, ...
         ("past", "f8"),  # ... in the one before, ...
         ("quick", "f8"),  # ... in the last quarter
+        ("leapt", "i8"),  # the disturbance began with a leap that no swing makes
         ("pace", "f8"),  # the swing's own
         ("steady", "i8"),  # samples of steady motion
         ("way", "f8"),  # on the sphere, meanwhile

@@ -75,6 +75,18 @@ def test_it_is_given_up_after_a_cycle_of_something_else_that_stands_still() -> N
     assert k.q["direction"] == 1
 
 
+def test_what_spoke_against_an_earlier_energy_says_nothing_in_the_next_disturbance() -> None:
+    """A fault behind on a network that resonates was ahead after two cycles by the power of before it."""
+    k = fault(NETWORKS["strong"], "AG", 0.5, 2 * CYCLE)
+    k.q["energy"]["direction"] = -1
+    k.q["d"][:3] *= -1  # its power is that of a fault behind
+    k.w["power"], k.w["apparent"] = -1e18, 1e18
+    k.step(count=2 * CYCLE)
+    k.q["memory"]["age"] = 2 * CYCLE + 1
+    k.step(count=3 * CYCLE)
+    assert k.q["direction"] == -1
+
+
 def test_the_polarizing_voltage_is_remembered_and_fades() -> None:
     """200 ms of the voltage before, then within 100 ms the present one."""
     before, now = NETWORKS["strong"].solve(), NETWORKS["strong"].solve("ABC", 0.0)

@@ -89,6 +89,16 @@ def test_a_fault_that_changes_next_to_nothing_trips_within_60_ms(
     assert start < at_s <= start + 0.060
 
 
+@pytest.mark.parametrize("at", [0.02, 0.3, 0.6])
+@pytest.mark.parametrize("weak", [0.5, 5.0, 25.0])
+def test_a_three_phase_fault_trips_as_soon_as_without_it(at: float, weak: float) -> None:
+    """It leaps, and what its estimate still does then is no swing's motion."""
+    network = Network(zs1=(1 + 12j) * weak, zs0=(1.5 + 15j) * weak)
+    x = network.fault("ABC", at, 0.3, 0.4)
+    found = [trips(relay(rpsb), x) for rpsb in (BOXES, None)]
+    assert found[0][:1] == found[1][:1] and found[0]
+
+
 @pytest.mark.parametrize("kind", ["ABC", "CG", "AB", "BCG"])
 @pytest.mark.parametrize(("at", "degrees"), [(-1.0, 120.0), (-1.0, 240.0), (0.95, 90.0), (0.95, 185.0)])
 def test_no_fault_outside_trips_in_a_swing_and_none_when_it_has_gone(
