@@ -97,8 +97,8 @@ def main() -> None:
             continue
         for end in (0, 1):
             seen, z = view(case, end), measured(case, end)
-            where = f"{number} from {'AB'[end]}: {seen.where}, {seen.at:.3f} of {seen.length:.0f} km, SIR {seen.sir:.1f}"
-            print(f"{where}: measured {z[0]:.3f} of the line;"
+            where = f"{number} from {'AB'[end]}: {seen.where}, {seen.at:.3f} of {seen.length:.0f} km"
+            print(f"{where}, SIR {seen.sir:.1f}: measured {z[0]:.3f} of the line;"
                   f" loop voltage {abs(z[1]):.3f}, of it left {abs(z[2]):.3f} per unit")  # fmt: skip
 
 
