@@ -88,15 +88,18 @@ def run(
     memory = MemorySink() if (keep if keep is not None else log is None) else None
     fold = Fold(Cast.of_scenario(scenario, without))
     more = open_sinks(sinks, scenario.scenario.start_ns, scenario.scenario.name)
-    recorder = Recorder([fold, *more, *([memory] if memory else [])])
+    streamed = log is not None or rerun is not None
     with _bus(scenario, can) as bus:
         # Everything that can be wrong is found before the first file is opened.
         alone = bus.bus is None and pace is None and not without
+        unseen = alone and not streamed and not more  # nobody wants to know each frame
+        sinks_of_run = [fold, *more, *([memory] if memory else [])]
+        recorder = Recorder(sinks_of_run, fold.count_frames if unseen else None)
         if alone and all(map(can_be_kept, own.values())):
             loop = cases.loop(scenario, relays, recorder)
         else:
             loop = ClosedLoop(scenario, relays, recorder, bus, pace, without)
-        metadata, attachments = describe(scenario, own, overrides, without)
+        metadata, attachments = describe(scenario, own, overrides, without) if streamed else ({}, {})
         start_ns = scenario.scenario.start_ns
         compression = "zstd" if compress else ""
         name = scenario.scenario.name

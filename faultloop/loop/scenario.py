@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -13,7 +12,7 @@ from faultloop.config.bus_fault import check_references as check_bus_faults
 from faultloop.config.channel import check_references as check_channels
 from faultloop.config.clock import check_references as check_clocks
 from faultloop.config.expect import Expect
-from faultloop.config.override import apply_override, overridden
+from faultloop.config.override import apply_override, copied, overridden
 from faultloop.config.place import RelayPlace
 from faultloop.config.tables import read_toml, validate
 from faultloop.errors import InputError
@@ -60,7 +59,7 @@ class AnyScenario(BusTables):
             changed = cls.named(data)
             for override in chosen:
                 apply_override(changed, override)
-            return cls.from_dict(changed, path=path, text=text)
+            return cls.of_named(changed, path=path, text=text)
 
         return overridden(read, overrides, path)
 
@@ -68,7 +67,7 @@ class AnyScenario(BusTables):
     def named(cls, data: Mapping[str, Any]) -> dict[str, Any]:
         """A copy in which items without a name are called by their place: faults F1, F2, ..., those of the
         bus B1, B2, ..."""
-        data = copy.deepcopy(dict(data))
+        data = {table: copied(value) for table, value in data.items()}
         letters = {kind.table: kind.letter for kind in cls.components if kind.letter} | {"bus_fault": "B"}
         for table, letter in letters.items():
             items = data.get(table)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from faultloop.relay.functions.function import Polygon
 from faultloop.relay.functions.pdis import Pdis, polygons, reach_ohm
 
 if TYPE_CHECKING:
@@ -36,14 +37,15 @@ class Doubt(NamedTuple):
     text: str
 
 
-class _Zone(NamedTuple):
-    """A zone that trips; ``key`` of its table, ``along`` the line it reaches (per unit), its loops and its
-    delays for faults to ground and between phases, infinite for loops that it has not."""
+class Zone(NamedTuple):
+    """A zone that trips; ``key`` of its table, ``along`` the line it reaches (per unit), its delays
+    for faults to ground and between phases, infinite for loops that it has not; its shape for the latter."""
 
     key: str
     table: Pdis
     along: float
     delays: tuple[float, float]
+    shape: Polygon
 
     @property
     def reach_key(self) -> str:
@@ -53,7 +55,7 @@ class _Zone(NamedTuple):
 def doubts(settings: RelaySettings) -> list[Doubt]:
     """What the zones are set to do that may not be meant."""
     found = list(_beyond(settings))
-    for one, other in combinations(_tripping(settings), 2):
+    for one, other in combinations(settings.tripping_zones, 2):
         near, far = sorted((one, other), key=lambda zone: zone.table.zone)
         if near.table.zone != far.table.zone and near.table.direction == far.table.direction:
             found += _out_of_order(near, far)
@@ -63,13 +65,14 @@ def doubts(settings: RelaySettings) -> list[Doubt]:
 def load_doubts(settings: RelaySettings, load_ohm: complex) -> list[Doubt]:
     """Zones that hold a load whose impedance is ``load_ohm`` at the relay, into the line, primary."""
     found = []
-    for zone in _tripping(settings):
-        if math.isfinite(zone.delays[1]) and _inside(load_ohm, polygons(settings, zone.table)[1]):
+    for zone in settings.tripping_zones:
+        if math.isfinite(zone.delays[1]) and _inside(load_ohm, zone.shape):
             found.append(Doubt(*_clear_of(settings, zone, load_ohm)))
     return found
 
 
-def _tripping(settings: RelaySettings) -> list[_Zone]:
+def tripping_zones(settings: RelaySettings) -> list[Zone]:
+    """Those that trip, of a settings file."""
     chosen = settings.ptrc.zones
     return [
         _zone(settings, f"pdis[{number}]", table)
@@ -78,12 +81,12 @@ def _tripping(settings: RelaySettings) -> list[_Zone]:
     ]
 
 
-def _zone(settings: RelaySettings, key: str, table: Pdis) -> _Zone:
+def _zone(settings: RelaySettings, key: str, table: Pdis) -> Zone:
     ground, phase = (
         table.delay_ms if own is None else own for own in (table.delay_ground_ms, table.delay_phase_ms)
     )
     delays = (ground if table.loops != "phase" else math.inf, phase if table.loops != "ground" else math.inf)
-    return _Zone(key, table, _along(settings, table), delays)
+    return Zone(key, table, _along(settings, table), delays, polygons(settings, table)[1])
 
 
 def _along(settings: RelaySettings, table: Pdis) -> float:
@@ -96,7 +99,7 @@ def _along(settings: RelaySettings, table: Pdis) -> float:
     return (reach * tilt).imag / (line * tilt).imag
 
 
-def _out_of_order(near: _Zone, far: _Zone) -> Iterator[Doubt]:
+def _out_of_order(near: Zone, far: Zone) -> Iterator[Doubt]:
     """Of two zones in one direction, ``far`` of the higher number."""
     common = [k for k in (0, 1) if math.isfinite(near.delays[k]) and math.isfinite(far.delays[k])]
     if not common:
@@ -116,7 +119,7 @@ def _out_of_order(near: _Zone, far: _Zone) -> Iterator[Doubt]:
 
 
 def _beyond(settings: RelaySettings) -> Iterator[Doubt]:
-    for zone in _tripping(settings):
+    for zone in settings.tripping_zones:
         soonest = min(zone.delays)
         if zone.table.direction == "reverse" or soonest >= SELECTIVE_MS:
             continue
@@ -129,7 +132,7 @@ def _beyond(settings: RelaySettings) -> Iterator[Doubt]:
             yield Doubt(key, f"lets the ground loops reach {ground:.3g} of the line, which {text}; {right}")
 
 
-def _along_ground(settings: RelaySettings, zone: _Zone) -> float:
+def _along_ground(settings: RelaySettings, zone: Zone) -> float:
     """The same of its ground loops for a one-phase fault fed from here alone (I1 = I2 = I0)."""
     given = zone.table.residual_compensation_factor
     if given is None or not math.isfinite(zone.delays[0]):
@@ -146,7 +149,7 @@ def _inside(z: complex, polygon: Any) -> bool:
     return bool(abs(turn) > math.pi)
 
 
-def _clear_of(settings: RelaySettings, zone: _Zone, load: complex) -> tuple[str, str]:
+def _clear_of(settings: RelaySettings, zone: Zone, load: complex) -> tuple[str, str]:
     """The key of what reaches into the load, and what would be right."""
     table, size, angle = zone.table, abs(load), cmath.phase(load)
     what = f"of zone {table.zone} holds the load of {size:.4g} ohm at {math.degrees(angle):.0f} degrees"

@@ -17,19 +17,19 @@ from faultloop.relay import layout
 from faultloop.relay.chain import decide
 from faultloop.relay.cvt import estimator_in_front
 from faultloop.relay.estimators import ROW, Estimator, build_estimator, estimator_methods, make_estimator
-from faultloop.relay.events import Event, Names, Outputs
+from faultloop.relay.events import Event, Outputs
 from faultloop.relay.functions.function import Polygon
 from faultloop.relay.loops import MEASURE_CONSTANTS, MEASURE_STATE, measure
 from faultloop.relay.quantities import INPUTS, LOOPS, OUTPUTS, WIDE
 from faultloop.relay.settings import RelaySettings
 from faultloop.relay.step import block_runner, step_address
-from faultloop.relay.texts import change_texts
+from faultloop.relay.texts import Teller, Words
 from faultloop.relay.users import load_elements
 
 Array = NDArray[np.float64]
-Words = NDArray[np.uint64]
 Notices = Sequence[tuple[int, NDArray[np.void]]]
 FIRST_CAPACITY = 512
+LEAST_AHEAD = 16
 ESTIMATORS = "faultloop.estimators"
 """Group of entry points."""
 
@@ -81,18 +81,15 @@ class Relay:
         self._estimator_state = self.estimator.state.copy()
         self._estimate = block_runner(self.estimator.step)
         self.bits = tuple(name for instance in self.instances for name in instance.bits)
-        self._sources = {i.bit: (i.name, getattr(i.table, "zone", 0)) for i in self.instances}
-        self._telling = {
-            i: layout.record_of(self._state, i).copy() for i in self.instances if i.function.tell
-        }
+        self._teller = Teller(settings, self.instances, self.bits, self._state)
         self.events: list[Event] = []
         self._polygons: dict[str, tuple[Polygon, Polygon]] | None = None
         self.bank: Any = None
         self.place = 0
         """In a bank, where it is in one."""
         self.sample_count = 0
-        self._last_words = (0, 0)
         self._last_outputs = [0] * (len(OUTPUTS) - 1)
+        self._ahead, self._changed = FIRST_CAPACITY, 0
         self._capacity = 0
         self._reserve(FIRST_CAPACITY)
         self.phasors, self.loops = self._phasors[:0], self._loops[:0]
@@ -129,11 +126,18 @@ class Relay:
         samples = np.ascontiguousarray(samples, np.float64)
         self._reserve(len(samples))
         self.set_inputs(self.inputs)
-        before = self._save_ahead()
-        done = self._run(samples)
-        if done < len(samples):  # what runs ahead of the decision goes back and follows it
-            self._restore_ahead(before)
-            self.estimate(_six(samples[:done]), self._phasors[:done], self._loops[:done])
+        outputs = self._outputs.tolist()[:-1]
+        done = self._changed = 0
+        # The estimates run ahead of the decision: twice as far each time that all of them were taken, and as
+        # far as the last stop after one.
+        while done < len(samples):
+            begin, end = done, min(done + self._ahead, len(samples))
+            done = self._run(samples, begin, end)
+            if done < end or self._outputs.tolist()[:-1] != outputs:
+                self._ahead = max(done, LEAST_AHEAD)
+                break
+            if end - begin == self._ahead:
+                self._ahead *= 2
         self.phasors, self.loops = self._phasors[:done], self._loops[:done]
         self.pickup, self.operate = self._words[:done, 0], self._words[:done, 1]
         self._tell(done)
@@ -148,10 +152,17 @@ class Relay:
         """
         if len(samples) * self.settings.relay.frequency_hz % self.settings.relay.sampling_hz:
             raise ValueError(f"{len(samples)} samples are no whole number of cycles")
-        new, done = self.save(), 0
+        new, samples = self.save(), np.ascontiguousarray(samples, np.float64)
+        self._reserve(len(samples))
+        self.set_inputs(self.inputs)
+        self._estimate_rows(samples, slice(len(samples)))
+        done = 0
         while done < len(samples):
-            done += self.advance(samples[done:])
-        self.events = []
+            done += self._decide(samples, slice(done, len(samples)))
+        self.phasors, self.loops = self._phasors[:done], self._loops[:done]
+        self._teller.changes(0, self._words[:done])  # so that it is known what changes after it
+        self._teller.notices(0, self._state)
+        self._last_outputs, self.events = self._outputs.tolist()[:-1], []
         if self.outputs.trip_poles:
             self.restore(new)
             text = "would have tripped before the run began: begins anew, with empty filters"
@@ -160,7 +171,7 @@ class Relay:
 
     def save(self) -> Any:
         """Everything that changes while it runs."""
-        rest = (self.sample_count, self._last_words, self._last_outputs, self._telling.copy(), self.inputs)
+        rest = (self.sample_count, self._last_outputs, self._teller.save(), self.inputs)
         own = [element.state.copy() for element in self._elements]
         return (self._state_bytes.copy(), self._save_ahead(), own, rest)
 
@@ -170,8 +181,8 @@ class Relay:
         self._restore_ahead(state[1])
         for element, own in zip(self._elements, state[2], strict=True):
             element.state[:] = own
-        self.sample_count, self._last_words, self._last_outputs, telling, self.inputs = state[3]
-        self._telling = telling.copy()
+        self.sample_count, self._last_outputs, told, self.inputs = state[3]
+        self._teller.restore(told)
 
     # -- in a bank (`faultloop.relay.bank`) -----------------------------------------------------------------
 
@@ -183,7 +194,7 @@ class Relay:
     @property
     def tells_apart(self) -> bool:
         """Whether a function of the user's tells events, from a state that is not in `STATE`."""
-        return any(instance.user is not None for instance in self._telling)
+        return any(i.user is not None and i.function.tell is not None for i in self.instances)
 
     def settle_in(
         self,
@@ -220,9 +231,9 @@ class Relay:
         """Events of samples from number ``first`` on: where one of ``words`` (n, 2) differs from the one
         before, and what the functions tell at the samples of ``notices``, from the relay's state then.
         Without ``texts`` only trips."""
-        events = self._changes(first, words) if texts else []
+        events = self._teller.changes(first, words) if texts else []
         for sample, state in notices:
-            events += self._notices(sample, state, texts=texts)
+            events += self._teller.notices(sample, state, texts=texts)
         return sorted(events, key=attrgetter("sample_count"))  # of one sample the changes first
 
     def check_elements(self) -> None:
@@ -247,11 +258,23 @@ class Relay:
         self._estimator_state[:] = state[0]
         self._measure_bytes[:] = state[1]
 
-    def _run(self, samples: Array) -> int:
-        n = len(samples)
-        phasors, loops, words = self._phasors[:n], self._loops[:n], self._words[:n]
-        self.estimate(_six(samples), phasors, loops)
-        done = decide(self._constants, self._state, samples, phasors, loops, words)
+    def _run(self, samples: Array, begin: int, end: int) -> int:
+        """Samples of these numbers, until an output changes; returns the number of the next."""
+        before = self._save_ahead()
+        self._estimate_rows(samples, slice(begin, end))
+        done = begin + self._decide(samples, slice(begin, end))
+        if done < end:  # what ran ahead of the decision goes back and follows it
+            self._restore_ahead(before)
+            self._estimate_rows(samples, slice(begin, done))
+        return done
+
+    def _estimate_rows(self, samples: Array, rows: slice) -> None:
+        self.estimate(_six(samples[rows]), self._phasors[rows], self._loops[rows])
+
+    def _decide(self, samples: Array, rows: slice) -> int:
+        made = self._phasors[rows], self._loops[rows], self._words[rows]
+        done = decide(self._constants, self._state, samples[rows], *made)
+        self._changed += int(self._outputs[-1])
         self.check_elements()
         return done
 
@@ -265,36 +288,13 @@ class Relay:
 
     def _tell(self, done: int) -> None:
         """Events of the samples just done: where a bit changed, and what the functions have to tell."""
-        *outputs, changed = self._outputs.tolist()
-        self.events = self._changes(self.sample_count, self._words[:done]) if changed else []
+        *outputs, _ = self._outputs.tolist()
+        words = self._words[:done]
+        self.events = self._teller.changes(self.sample_count, words) if self._changed else []
         if outputs != self._last_outputs:
             self._last_outputs = outputs
             # the block has stopped at that sample
-            self.events += self._notices(self.sample_count + done - 1, self._state)
-
-    def _changes(self, first: int, words: Words) -> list[Event]:
-        """Lines for the bits that change in rows of words, of samples from number ``first`` on."""
-        events = []
-        different = np.ones(len(words), np.bool_)  # the first one is looked at in any case
-        different[1:] = np.any(words[1:] != words[:-1], axis=1)
-        rows = np.flatnonzero(different)
-        for n, now in zip(rows.tolist(), map(tuple, words[rows].tolist()), strict=True):
-            texts = change_texts(self.instances, self.bits, self._last_words, now)
-            events += [Event(first + n, "info", text) for text in texts]
-            self._last_words = now
-        return events
-
-    def _notices(self, sample: int, state: NDArray[np.void], *, texts: bool = True) -> list[Event]:
-        """What the functions have to tell of a state, at that sample."""
-        names, events = Names(sample, self.settings, self._sources), []
-        for instance, last in self._telling.items():
-            if not (texts or instance.function.trips or instance.user):
-                continue
-            tell, now = instance.function.tell, layout.record_of(state, instance)
-            if tell is not None:
-                events += tell(names, last, now)
-            self._telling[instance] = now.copy()
-        return events
+            self.events += self._teller.notices(self.sample_count + done - 1, self._state)
 
 
 def _six(samples: Array) -> Array:

@@ -22,7 +22,7 @@ from faultloop.config.override import set_key, split_override
 from faultloop.config.tables import ComplexOhm, NonNegative, Positive, Table, parse_toml, read_text, validate
 from faultloop.errors import InputError
 from faultloop.relay import coordination
-from faultloop.relay.coordination import Doubt
+from faultloop.relay.coordination import Doubt, Zone
 from faultloop.relay.cvt import inverse
 from faultloop.relay.estimators.protection import refusal
 from faultloop.relay.functions import FUNCTIONS
@@ -210,7 +210,12 @@ class RelaySettings(Tables):
         chosen = chosen_circuit(circuit, self.vt.burden_va, self.relay.frequency_hz)
         return chosen.transfer(2 * math.pi * self.relay.frequency_hz)
 
-    @property
+    @cached_property
+    def tripping_zones(self) -> list[Zone]:
+        """The distance zones that trip."""
+        return coordination.tripping_zones(self)
+
+    @cached_property
     def doubts(self) -> list[Doubt]:
         """What the zones are set to do that may not be meant: out of their order, beyond the line at once."""
         return coordination.doubts(self)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from numba import config, types
+from numba import types
 from numba.extending import intrinsic
 
 from faultloop.jit import njit
@@ -44,5 +44,6 @@ def _logarithm(x: float) -> float:
     return (_float_of(k | WHOLE) - 2.0**52) * math.log(2.0) + 2.0 * (s + s * z * series)
 
 
-logarithm: Any = math.log if config.DISABLE_JIT else njit(inline="always")(_logarithm)
+_compiled: Any = njit(inline="always")(_logarithm)
+logarithm: Any = math.log if _compiled is _logarithm else _compiled
 """See above; without a compiler `math.log` itself."""
