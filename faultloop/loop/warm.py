@@ -107,7 +107,7 @@ class WarmStates:
 def _alike(a: Scenario, b: Scenario) -> bool:
     """Whether they surely say the same of the time before the run."""
     tables = [key for key in type(a).model_fields if key not in OF_THE_RUN and key != "scenario"]
-    return (
-        all(getattr(a, key) == getattr(b, key) for key in tables)
-        and a.scenario.model_copy(update={key: getattr(b.scenario, key) for key in HEADER}) == b.scenario
+    return all(getattr(a, key) == getattr(b, key) for key in tables) and (
+        a.scenario is b.scenario
+        or a.scenario.model_copy(update={key: getattr(b.scenario, key) for key in HEADER}) == b.scenario
     )

@@ -276,6 +276,10 @@ class SimulatedBus:
             words[WORD["errors"]],
         )
 
+    def busy(self, duration_ns: int) -> float:
+        """``load.over(duration_ns)``, without counting the frames."""
+        return BusLoad(busy_ns=self._words[WORD["busy_ns"]]).over(duration_ns)
+
     def begin_again(self, state: Bus) -> None:
         """With a state in which it has begun before, and the senders of then."""
         self.state, self.changes = state, []

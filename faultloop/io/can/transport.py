@@ -197,7 +197,7 @@ class Transport:
 
     def load(self, duration_ns: int) -> float:
         """Part of `duration_ns` in which the bus was not idle, 0 to 1."""
-        return self.model.load.over(duration_ns)
+        return self.model.busy(duration_ns)
 
     @property
     def statistics(self) -> BusLoad:

@@ -91,6 +91,9 @@ class Plan:
             Condition(only.when, self.keys, f"only[{number}].when") for number, only in enumerate(tables.only)
         ]
         self._settings: dict[tuple[Any, ...], RelaySettings] = {}
+        self._fixed: dict[str, Any] = {}
+        """Tables that no case varies, validated: the same objects in every case, so that they need not be
+        validated, nor compared with those of the case before, item by item."""
         self._grid: Grid | None = None
         try:
             self._read_settings()
@@ -128,7 +131,10 @@ class Plan:
     def made(self, number: int, values: Mapping[str, Any]) -> Case:
         """The case with these values."""
         data, changes = self._scenario_of(values)
-        scenario = Scenario.of_named(data, path=self.files.path, text=self.files.text)
+        scenario = Scenario.of_named(data | self._fixed, path=self.files.path, text=self.files.text)
+        if not self._fixed:
+            varied = {key.partition(".")[0] for key in self.keys}
+            self._fixed = {table: getattr(scenario, table) for table in data if table not in varied}
         settings = {
             place.name: self._settings_of(place.settings, changes.get(place.name, ()))
             for place in scenario.relay
