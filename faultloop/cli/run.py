@@ -40,6 +40,9 @@ def command(
         bool, typer.Option("--no-user-code", help="Refuse settings that name code of the user's own.")
     ] = False,
     compress: Annotated[bool, typer.Option("--compress", help="Compress the log (zstd).")] = False,
+    log_thread: Annotated[
+        bool, typer.Option("--log-thread", help="Write the log in a thread of its own, on a second core.")
+    ] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Run a scenario closed-loop: faults, estimates, trips over CAN, breakers; everything in a log."""
@@ -63,6 +66,8 @@ def command(
                     )
                 if compress:
                     raise InputError("processes write a log that is not compressed", key="--compress")
+                if log_thread:
+                    raise InputError("processes write their logs themselves", key="--log-thread")
                 if sink:
                     raise InputError("processes write a log, and nothing else", key="--sink")
                 result = run_processes(
@@ -89,6 +94,7 @@ def command(
                     without=without or [],
                     user_code=not no_user_code,
                     compress=compress,
+                    log_thread=log_thread,
                     progress=progress,
                 )
     except Interrupted as ended:

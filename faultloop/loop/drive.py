@@ -98,7 +98,7 @@ class Kernels(NamedTuple):
     serve: int
 
 
-@njit
+@njit(nogil=True)  # other threads run beside it: one that writes the log, another run
 def follow(course: Course, x: Exchange, plant: Any, bank: Any, kernels: Kernels) -> int:
     """Lets time pass until something is Python's; returns what."""
     c, w = course.clock[0], x.control[0]

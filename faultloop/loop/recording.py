@@ -30,6 +30,7 @@ from faultloop.nodes.clock import SampleClock
 
 if TYPE_CHECKING:
     from faultloop.io.can.frames import Frame
+    from faultloop.io.log_thread import LogThread
     from faultloop.io.mcap_writer import LogWriter
     from faultloop.io.rerun_sink import RerunSink
     from faultloop.relay import RelaySettings, Trip
@@ -244,7 +245,7 @@ def check_log_path(path: Path) -> None:
 class Streams(NamedTuple):
     """What a run was asked to write to."""
 
-    log: LogWriter | None
+    log: LogWriter | LogThread | None
     rerun: RerunSink | None
 
     @property
@@ -260,6 +261,7 @@ def open_streams(
     metadata: Metadata,
     attachments: Attachments,
     compression: str = "",
+    log_thread: bool = False,
 ) -> Streams:
     """The log and the rerun stream that are asked for; InputError where one cannot be opened."""
     stream = None
@@ -273,11 +275,13 @@ def open_streams(
             stream.add_attachment(file, content)
     if log is None:
         return Streams(None, stream)
+    from faultloop.io.log_thread import LogThread
     from faultloop.io.mcap_writer import LogWriter
 
     try:
         Path(log).parent.mkdir(parents=True, exist_ok=True)
-        return Streams(LogWriter(log, start_ns, metadata, attachments, compression), stream)
+        writer = LogWriter(log, start_ns, metadata, attachments, compression)
+        return Streams(LogThread(writer) if log_thread else writer, stream)
     except (OSError, InputError) as error:
         if stream is not None:
             stream.abort()

@@ -283,7 +283,10 @@ def test_a_disk_that_is_full_from_the_start_leaves_nothing(
 
 
 @posix
-def test_run_on_a_full_disk_ends_with_2_and_names_the_part(root: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("more", [[], ["--log-thread"]])
+def test_run_on_a_full_disk_ends_with_2_and_names_the_part(
+    more: list[str], root: Path, tmp_path: Path
+) -> None:
     """The real thing: a limit on the size of files, which fails as a full disk does."""
     code = (
         "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
@@ -291,7 +294,7 @@ def test_run_on_a_full_disk_ends_with_2_and_names_the_part(root: Path, tmp_path:
         "resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000));"
         "sys.exit(call(sys.argv[1:]))"
     )
-    command = [sys.executable, "-c", code, "run", str(root / "scenarios" / "ag-zone1.toml"), "--log"]
+    command = [sys.executable, "-c", code, "run", str(root / "scenarios" / "ag-zone1.toml"), *more, "--log"]
     done = subprocess.run([*command, "x.mcap"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     (line,) = [text for text in done.stderr.splitlines() if not text.startswith("first run of this version")]
