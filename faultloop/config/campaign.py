@@ -55,7 +55,7 @@ Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
 
 
 class Header(Table):
-    """``[campaign]``"""
+    """``[campaign]``: which scenario, how many cases, drawn how."""
 
     name: str = Field(min_length=1, max_length=200)
     """What reports call it."""

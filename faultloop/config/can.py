@@ -10,7 +10,7 @@ from faultloop.config.tables import Table
 
 
 class Can(Table):
-    """``[can]``"""
+    """``[can]``: the bus that the nodes share, and how its frames are protected."""
 
     interface: str = "virtual"
     """python-can's, or a transport's; `--can` overrides both."""

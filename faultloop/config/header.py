@@ -21,7 +21,7 @@ def _iso_time(value: Any) -> Any:
 
 
 class Header(Table):
-    """``[scenario]``"""
+    """``[scenario]``: the run as a whole: its name, how long it is, its seed and start."""
 
     name: str = Field(min_length=1)
     """What reports call it."""
@@ -43,7 +43,7 @@ class Header(Table):
 
 
 class System(Table):
-    """``[system]``"""
+    """``[system]``: what all of the network has in common."""
 
     frequency_hz: Literal[50, 60]
     """Nominal."""

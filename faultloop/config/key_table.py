@@ -11,35 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from faultloop.config.tables import Table
+from faultloop.config.units import unit_of
 
-UNITS = {
-    "_ohm_per_km": "ohm/km",
-    "_us_per_km": "uS/km",
-    "b1_us": "uS",
-    "b0_us": "uS",
-    "_hz_per_s": "Hz/s",
-    "_ohm": "ohm",
-    "_ms": "ms",
-    "_us": "us",
-    "_deg": "degrees",
-    "_pu": "per unit",
-    "_ppm": "ppm",
-    "_cycles": "cycles",
-    "_km": "km",
-    "_kv": "kV",
-    "_ka": "kA",
-    "_va": "VA",
-    "_mva": "MVA",
-    "_nf": "nF",
-    "_hz": "Hz",
-    "_a": "A",
-    "_v": "V",
-    "_s": "s",
-    "_h": "H",
-    "_mw": "MW",
-    "mw": "MW",
-    "mvar": "Mvar",
-}
 LIMITS = (("minimum", "≥"), ("exclusiveMinimum", ">"), ("maximum", "≤"), ("exclusiveMaximum", "<"))
 UNBOUNDED = 1e18
 """A limit of how many bits a number has, and not of what it means."""
@@ -65,13 +38,8 @@ def _rows(model: type[Table]) -> Iterator[str]:
     for key, field in schema.get("properties", {}).items():
         default = "required" if key in required else _default(field.get("default"))
         meaning = " ".join(field.get("description", "").replace("``", "`").split())
-        cells = (f"`{key}`", _unit(key), default, _values(field), meaning)
+        cells = (f"`{key}`", unit_of(key), default, _values(field), meaning)
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def _unit(key: str) -> str:
-    found = [tail for tail in UNITS if (key.endswith(tail) if tail.startswith("_") else key == tail)]
-    return UNITS[max(found, key=len)] if found else ""
 
 
 def _default(value: Any) -> str:

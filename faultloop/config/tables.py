@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import cmath
+import inspect
 import math
 import tomllib
 from collections.abc import Mapping
@@ -15,11 +16,14 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    GetJsonSchemaHandler,
     ValidationError,
     WithJsonSchema,
 )
+from pydantic_core import CoreSchema
 
 from faultloop.config.input_file import check_input
+from faultloop.config.units import unit_of
 from faultloop.errors import InputError, nearest
 
 MOST_BYTES = 8 * 2**20
@@ -33,6 +37,36 @@ class Table(BaseModel):
     model_config = ConfigDict(
         extra="forbid", frozen=True, strict=True, allow_inf_nan=False, use_attribute_docstrings=True
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """A number's unit stands beside it, and a table that says nothing itself says what its model says."""
+        schema = handler(core)
+        for key, field in handler.resolve_ref_schema(schema).get("properties", {}).items():
+            if unit := unit_of(key):
+                field["unit"] = unit
+            about = field.get("description") or next(map(about_table, _tables(cls, key)), "")
+            if about:
+                field["description"] = about
+        return schema
+
+
+def _tables(model: type[BaseModel], key: str) -> list[type[BaseModel]]:
+    """The models of tables that a key holds."""
+    found = next((f for name, f in model.model_fields.items() if key in (name, f.alias)), None)
+    return [] if found is None else _models(found.annotation)
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        return [annotation]
+    return [model for inner in get_args(annotation) for model in _models(inner)]
+
+
+def about_table(model: type[BaseModel]) -> str:
+    """What a model's first paragraph says that the table is."""
+    first = inspect.cleandoc(model.__doc__ or "").split("\n\n")[0]
+    return (first.partition("``: ")[2] or first).replace("``", "`")
 
 
 def _polar(value: Any) -> Any:

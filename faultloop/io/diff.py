@@ -57,10 +57,12 @@ class Diff:
 
     @property
     def first(self) -> FieldDifference | None:
+        """The field that differs first."""
         return self.fields[0] if self.fields else None
 
     @property
     def equal(self) -> bool:
+        """Nothing differs that makes logs different."""
         return not self.fields and not self.topics
 
     def __bool__(self) -> bool:

@@ -34,6 +34,7 @@ class Entry:
     """A rare message: when, on which topic, and its fields, which are attributes too (``entry.zone``)."""
 
     t_ns: int
+    """When, from the start."""
     topic: str
     fields: dict[str, Any]
 
@@ -277,18 +278,22 @@ class Log:
 
     @property
     def trips(self) -> list[Entry]:
+        """Trips of all relays, as they decided."""
         return self.entries(table.TRIP)
 
     @property
     def events(self) -> list[Entry]:
+        """What nodes and relays said."""
         return self.entries(table.EVENT)
 
     @property
     def breaker_states(self) -> list[Entry]:
+        """Commands to breakers and changes of their poles."""
         return self.entries(table.BREAKER_STATUS)
 
     @property
     def faults(self) -> list[Entry]:
+        """Faults, as the plant applied and removed them."""
         return self.entries(table.FAULT_STATE)
 
     @property
@@ -298,6 +303,7 @@ class Log:
 
     @property
     def can(self) -> list[Entry]:
+        """Frames on the bus."""
         return self.entries(table.CAN_FRAME)
 
 

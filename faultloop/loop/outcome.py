@@ -33,11 +33,15 @@ class TripReport:
 
     relay: str
     function: str
+    """`PDIS1`."""
     zone: int
+    """0 for what has none."""
     loop: str
+    """`AG`, `BC`; empty for what has none."""
     poles: int
     """Mask: A = 1, B = 2, C = 4."""
     sample_count: int
+    """The deciding sample's number."""
     t_ns: int
     breaker: str | None
     received_ns: int | None = None
@@ -50,6 +54,7 @@ class TripReport:
 
     @property
     def pole_names(self) -> str:
+        """`ABC`."""
         return pole_names(self.poles)
 
 
@@ -59,8 +64,11 @@ class FaultChange:
 
     fault: str
     type: str
+    """`AG`, `BCG` ..."""
     on: bool
+    """Applied, or removed."""
     t_ns: int
+    """When, from the start."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +76,13 @@ class EventText:
     """A line of the event list."""
 
     t_ns: int
+    """When, from the start."""
     source: str
+    """Who says it."""
     level: str
+    """debug, info, warning, error or fatal."""
     text: str
+    """What."""
 
 
 class Position(NamedTuple):
@@ -258,16 +270,16 @@ class Fold:
     # -- a sink takes these, too; nothing follows from them -------------------------------------------------
 
     def add_relay(self, name: str, bits: Sequence[str], characteristics: object = None) -> None:
-        pass
+        """Nothing: `Cast` has the relays."""
 
     def relay_block(self, *_: Any) -> None:
-        pass
+        """Nothing: samples are no messages."""
 
     def close(self) -> None:
-        pass
+        """Nothing to close."""
 
     def abort(self) -> None:
-        pass
+        """Nothing to undo."""
 
 
 def outcome_of(log: Log, cast: Cast | None = None) -> Outcome:

@@ -89,20 +89,22 @@ class MemorySink:
     def add_relay(
         self, name: str, bits: Sequence[str], characteristics: Characteristics | None = None
     ) -> None:
+        """Before its first block."""
         self._blocks[name] = []
         self.bits[name] = tuple(bits)
 
     def relay_block(self, name: str, *arrays: np.ndarray) -> None:
+        """Keeps a copy."""
         self._blocks[name].append(tuple(np.array(a) for a in arrays))
 
     def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
-        pass
+        """Keeps nothing: the outcome has the rare messages."""
 
     def close(self) -> None:
-        pass
+        """Nothing to close."""
 
     def abort(self) -> None:
-        pass
+        """Nothing to undo."""
 
     def array(self, name: str, what: str) -> np.ndarray:
         """As `faultloop.open_log` gives it: ``what`` is samples, phasors, loops or elements."""

@@ -60,17 +60,21 @@ class ReplayResult:
 
     record: Path
     settings: RelaySettings
+    """What the relay was set to."""
     trips: list[ReplayTrip]
     events: list[EventText]
     first_pickup_ns: dict[str, int]
     first_operate_ns: dict[str, int]
     fault_location: float
     duration_ns: int
+    """How much of the record was played."""
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
     log: Path | None
     memory: MemorySink | None = None
+    """What `samples` and its like are read from where there is no log."""
     rerun: RerunSink | None = None
+    """The stream, where one was asked for."""
     interrupted: bool = False
 
     def take(self, outcome: Outcome) -> None:

@@ -29,6 +29,7 @@ class Verdict:
     expect: Expect
     held: bool
     why: str
+    """What happened, in words."""
 
 
 @dataclass

@@ -52,8 +52,11 @@ SLIPPING = 0.1
 
 @dataclass(frozen=True)
 class Change:
-    """A pole or a fault that changed at ``t_ns``: breaker ``index`` now has the poles ``value`` closed
-    (A = 1, B = 2, C = 4), or fault ``index`` is on (1) or off (0)."""
+    """What changed at ``t_ns``, a pole or a fault by its ``kind``.
+
+    Breaker ``index`` now has the poles ``value`` closed (A = 1, B = 2, C = 4), or fault ``index`` is on (1)
+    or off (0).
+    """
 
     t_ns: int
     kind: Kind
@@ -183,6 +186,7 @@ class Plant:
 
     @property
     def sample_count(self) -> int:
+        """Samples taken since the start."""
         return int(self._control["sample"])
 
     @property

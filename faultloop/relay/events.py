@@ -26,7 +26,9 @@ class Event:
     """Something that happened at a sample, as a line of text; ``trip`` where it is one."""
 
     sample_count: int
+    """Samples taken since the start."""
     level: Level
+    """How serious it is."""
     text: str
     trip: Trip | None = None
 
@@ -37,11 +39,17 @@ class Outputs:
     the breakers around; how many sets of differential data were measured."""
 
     trip_poles: int = 0
+    """Poles to trip."""
     close_poles: int = 0
+    """Poles to close."""
     pilot: int = 0
+    """Of the pilot signal."""
     transfer: int = 0
+    """Poles to trip at the far ends."""
     back_trip: int = 0
+    """Poles that the breakers around shall open."""
     phasors: int = 0
+    """Sets of differential data that were measured."""
 
     @property
     def masks(self) -> tuple[int, int, int, int, int]:

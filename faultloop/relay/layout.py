@@ -48,7 +48,9 @@ class Instance:
     table: Any
     number: int
     bit: int
+    """Its first bit in the log."""
     user: UserElement | None = None
+    """The user's own element that it is."""
 
     @property
     def bits(self) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ MISTUNED = 0.1
 
 
 class Header(Table):
-    """``[relay]``"""
+    """``[relay]``: how the relay samples, and in which values its settings are."""
 
     frequency_hz: Literal[50, 60]
     """Nominal."""

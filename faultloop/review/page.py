@@ -17,7 +17,7 @@ from faultloop.review.facts import Summary
 from faultloop.review.page_data import content
 from faultloop.review.retrace import Retraced, retrace
 from faultloop.review.text import Rows, can_text, headline, tables
-from faultloop.review.view import KIND_NAMES
+from faultloop.review.view import KIND_NAMES, lane_meaning
 from faultloop.review.why import why
 
 SCRIPTS = ("record.js", "phasors.js", "characteristic.js", "plane.js", "waves.js", "page.js")
@@ -51,7 +51,8 @@ BAR = """<div id="bar">
 {secondary}<button id="theme">light / dark</button>
 <span id="times"></span></div>
 <p class="note">Move to place cursor A, click for B, drag to zoom, double-click for the fault; arrow keys step
-A by a sample (with Shift ten), b puts B there. Times count from {zero}.</p>"""
+A by a sample (with Shift ten), b puts B there. Times count from {zero}.</p>
+{lanes}"""
 STATIC = "Zones as set: what polarizes them then is not known from this log"
 DYNAMIC = "Zones as they are at A with what polarizes them then (solid), and as set (dashed)"
 MOST_SAMPLES = 1_000_000
@@ -60,9 +61,12 @@ RELAY = """<section class="relay" data-relay="{place}"><h2>{name}</h2>
 <div class="plots" role="group" aria-label="waves of {name}"></div>
 <div class="side"><div><canvas class="phasors" role="img" aria-label="phasors of {name} at cursor A"></canvas>
 <p class="note">Phasors at A: voltages solid, currents dashed; angles from VA {reference}.</p></div>
-<div><label>Loop <select class="loop"></select></label> <span class="impedance"></span>
+<div><span class="loops" role="group" aria-label="loop that is shown"></span>
+<button class="nearer" aria-label="R-X plane nearer">+</button>
+<button class="farther" aria-label="R-X plane farther">−</button>
+<div class="impedance"></div>
 <canvas class="plane" role="img" aria-label="impedance plane of {name}"></canvas>
-<p class="note">{plane}; dot: A, ring: B.</p></div></div>
+<p class="note">{plane}, the chosen one bold; dot: A, ring: B.</p></div></div>
 <div class="below"><div class="scroll"><table class="values"></table></div>{left_out}</div></section>"""
 
 
@@ -74,7 +78,7 @@ def write_html(log: Log, summary: Summary, path: str | Path) -> Path:
     nothing is left half-made.
     """
     with write_aside(path, ".html") as aside:
-        title = summary.log.scenario or Path(summary.log.path).name
+        title = summary.log.scenario or summary.log.record or Path(summary.log.path).name
         known = what_they_knew(log, summary)
         record = content(log, summary, known) | {"kinds": dict(KIND_NAMES)}
         page = PAGE.substitute(
@@ -114,7 +118,7 @@ def _body(
     secondary = any(relay["ratios"] for relay in record["relays"])
     zero = "the fault's inception" if record["from_inception"] else "the start of the log"
     if record["relays"]:
-        yield BAR.format(secondary=SECONDARY if secondary else "", zero=zero)
+        yield BAR.format(secondary=SECONDARY if secondary else "", zero=zero, lanes=_lanes(record["relays"]))
     for place, relay in enumerate(record["relays"]):
         yield RELAY.format(
             place=place,
@@ -127,8 +131,9 @@ def _body(
         if not own.samples:
             yield f"<h2>{html.escape(name)}</h2><p>No samples in the log.</p>"
     if summary.events:
-        events = [(f"{e.ms:.3f}", e.source, e.level, e.text) for e in summary.events]
-        table = _table((">ms", "from", "level", "what"), events, [e.ms for e in summary.events])
+        events = [(f"{e.ms:.3f}", e.source, e.text) for e in summary.events]
+        serious = [e.level not in ("DEBUG", "INFO") for e in summary.events]
+        table = _table((">ms", "from", "what"), events, [e.ms for e in summary.events], serious)
         yield f'<h2>Sequence of events</h2><div class="events">{table}</div>'
     yield "<details open><summary>Everything else that was found</summary>"
     yield from (_section(*table) for table in every if not table[0].startswith("Trips"))
@@ -178,11 +183,30 @@ def _left_out(relay: dict) -> str:
 
 
 def _section(name: str, columns: Sequence[str], rows: Rows) -> str:
-    return f"<h3>{html.escape(name)}</h3>{_table(columns, rows)}"
+    """A table; where its rows begin with an instant, they are links to it."""
+    times = [float(row[0]) if row[0] else None for row in rows] if columns[0] == ">at" else ()
+    return f"<h3>{html.escape(name)}</h3>{_table(columns, rows, times)}"
 
 
-def _table(columns: Sequence[str], rows: Rows, times_ms: Sequence[float] = ()) -> str:
-    """Rows with a time are links to it."""
+def _lanes(relays: Sequence[dict]) -> str:
+    """What the names of the lanes stand for."""
+    names = list(dict.fromkeys(label for relay in relays for label, _ in relay["lanes"]))
+    told = [(label, meaning) for label in names if (meaning := lane_meaning(label))]
+    breakers = list(dict.fromkeys(relay["breaker"] for relay in relays if relay["breaker"] in names))
+    told += [(name, "breaker: its poles, from the top A, B, C, where they are open") for name in breakers]
+    if not told:
+        return ""
+    rows = "".join(f"<dt>{html.escape(label)}</dt><dd>{html.escape(text)}</dd>" for label, text in told)
+    return f"<details><summary>What the lanes are</summary><dl>{rows}</dl></details>"
+
+
+def _table(
+    columns: Sequence[str],
+    rows: Rows,
+    times_ms: Sequence[float | None] = (),
+    serious: Sequence[bool] = (),
+) -> str:
+    """Rows with a time are links to it; ``serious`` ones stand out."""
     right = [column.startswith(">") for column in columns]
 
     def line(cells: Sequence[str], tag: str, mark: str = "") -> str:
@@ -191,6 +215,8 @@ def _table(columns: Sequence[str], rows: Rows, times_ms: Sequence[float] = ()) -
         return f"<tr{mark}>{inner}</tr>"
 
     head = line([column.removeprefix(">") for column in columns], "th")
-    marks = [f' data-ms="{ms!r}"' for ms in times_ms] or [""] * len(rows)
+    marks = ["" if ms is None else f' data-ms="{ms!r}"' for ms in times_ms] or [""] * len(rows)
+    if serious:
+        marks = [f'{mark} class="serious"' if bad else mark for mark, bad in zip(marks, serious, strict=True)]
     body = "".join(line(row, "td", mark) for row, mark in zip(rows, marks, strict=True))
     return f'<div class="scroll"><table>{head}{body}</table></div>'

@@ -285,8 +285,13 @@ def relay_warnings(whole: Survey, own: RelayFacts, inception: Inception) -> list
         channels = ", ".join(
             name for name, own_count in zip(CHANNELS, bad, strict=True) if own_count == count
         )
-        out.append(f"{name}: {channels}: {count} of {len(whole)} samples are not numbers")
-    if not whole.phasor_known:
+        told = (
+            "no sample is a number"
+            if count == len(whole)
+            else f"{count} of {len(whole)} samples are not numbers"
+        )
+        out.append(f"{name}: {channels}: {told}")
+    if np.isnan(whole.rms).all():
         out.append(f"{name}: no phasor is a number")
     if whole.gaps:
         out.append(f"{name}: {whole.gaps} gap{'s' if whole.gaps > 1 else ''} in the samples")

@@ -6,6 +6,7 @@ time zero comes from.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -133,6 +134,7 @@ def _facts(log: Log, scenario: dict[str, Any], surveys: dict[str, Survey], nomin
         path=str(log.path),
         size_bytes=log.path.stat().st_size,
         scenario=scenario["scenario"].get("name"),
+        record=log.metadata.get("replay", {}).get("record"),
         start=f"{start}.{log.start_ns % 10**9:09d}Z",
         start_ns=log.start_ns,
         duration_s=max(ends, default=0) / 1e9,
@@ -265,7 +267,7 @@ def _relay_warnings(
 ) -> list[str]:
     out = [text for name, own in relays.items() for text in relay_warnings(surveys[name], own, inception)]
     if relays and FAULT_STATE.topic not in log.topics and inception.t_ns is not None:
-        out.append(f"the log does not say when the fault began; {inception.text}")
+        out.append("the log does not say when the fault began: time zero is estimated")
     return out
 
 
@@ -276,5 +278,7 @@ ORDINARY = ("PTRC", "LPHD1 not ready, zones blocked: a pole has opened")
 def _noted(log: Log, events: list[Event]) -> list[str]:
     """What was found damaged, and what the run itself warned of."""
     serious = [event for event in events if event.level in ("WARNING", "ERROR", "FATAL")]
-    told = [f"{event.source}: {event.text}" for event in serious if not event.text.startswith(ORDINARY)]
-    return [*log.warnings, *told]
+    told = Counter(
+        f"{event.source}: {event.text}" for event in serious if not event.text.startswith(ORDINARY)
+    )
+    return [*log.warnings, *(text if n == 1 else f"{text} ({n} times)" for text, n in told.items())]

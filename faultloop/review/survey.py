@@ -34,7 +34,6 @@ class Survey:
     not_numbers : (6,) samples that are no numbers.
     peaks : (6,) greatest instantaneous value; ``peak_ns`` its time; ``rms`` the greatest RMS phasor; NaN
         where there is none.
-    phasor_known : some phasor is a number.
     gaps : number of gaps in the samples.
     frequency_hz : median of what was measured, NaN where nothing was.
     """
@@ -49,7 +48,6 @@ class Survey:
     peaks: NDArray[np.float64] = field(default_factory=lambda: np.full(len(CHANNELS), np.nan))
     peak_ns: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(CHANNELS), np.int64))
     rms: NDArray[np.float64] = field(default_factory=lambda: np.full(len(CHANNELS), np.nan))
-    phasor_known: bool = False
     gaps: int = 0
     frequency_hz: float = np.nan
     _steps: tuple[int, int] | None = None
@@ -98,10 +96,8 @@ class Survey:
         self.count += len(t_ns)
 
     def _take_values(self, rows: RelayRows) -> None:
-        known = np.zeros(1, np.bool_)
         _take(rows.samples, rows.t_ns, self.not_numbers, self.peaks, self.peak_ns)
-        _take_phasors(rows.phasors, self.rms, known)
-        self.phasor_known |= bool(known[0])
+        _take_phasors(rows.phasors, self.rms)
         frequency = rows.frequency[np.isfinite(rows.frequency)]
         if len(frequency):
             self._frequencies.append(float(np.median(frequency)))
@@ -139,19 +135,13 @@ def _take(
 
 
 @njit
-def _take_phasors(
-    phasors: NDArray[np.complex128], greatest: NDArray[np.float64], known: NDArray[np.bool_]
-) -> None:
-    """Greatest RMS values that are finite; whether some row has all of them."""
+def _take_phasors(phasors: NDArray[np.complex128], greatest: NDArray[np.float64]) -> None:
+    """Greatest RMS values that are finite."""
     for row in range(phasors.shape[0]):
-        finite = True
         for channel in range(phasors.shape[1]):
             size = abs(phasors[row, channel])
-            if not math.isfinite(size):
-                finite = False
-            elif not greatest[channel] >= size:
+            if math.isfinite(size) and not greatest[channel] >= size:
                 greatest[channel] = size
-        known[0] |= finite
 
 
 def survey(log: Log, relay: str) -> Survey:

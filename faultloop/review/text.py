@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 
 from rich.console import Console
@@ -43,8 +44,11 @@ LOOP_COLUMNS = (
     ">C",
 )
 BESIDE_COLUMNS = (">at", "record", ">until", "this relay")
+BESIDE_TRIPS = "Trips of the record's own relay beside this one [ms]"
 MOST_BESIDE = 40
-"""Of a record's digital channels, of which some have hundreds: those that came first."""
+"""Of a record's digital channels, of which some have hundreds: trips by name, then what changed first."""
+TRIP_NAME = re.compile(r"\btr(i?p)?\b|trip|ausl|disp|d[ée]clen|откл|сраб|跳", re.IGNORECASE)
+"""How a record's channel of a trip is called, in the languages that records came in."""
 BREAKER_COLUMNS = ("breaker", ">at", "command", "opened", "closed", "poles now closed")
 
 
@@ -105,6 +109,7 @@ def tables(summary: Summary) -> Iterable[tuple[str, Sequence[str], Rows]]:
     columns = TRIP_COLUMNS if several else (*TRIP_COLUMNS[:8], TRIP_COLUMNS[10])
     found = (
         ("Trips: decided by the relay, received by the breaker [ms]", columns, trips),
+        (BESIDE_TRIPS, BESIDE_COLUMNS, trips_beside(summary)),
         ("Phasors: RMS primary, angle against VA before the fault", PHASOR_COLUMNS, phasor_rows(summary)),
         ("Faulted loop and load [ohm, primary], peak currents", LOOP_COLUMNS, loop_rows(summary)),
         ("Elements [ms]", ELEMENT_COLUMNS, element_rows(summary)),
@@ -198,12 +203,20 @@ def element_rows(summary: Summary) -> Rows:
 
 
 def beside_rows(summary: Summary) -> Rows:
-    """What a replayed record's own digital channels did first, and what our elements did first, by time."""
-    channels = [(*span, one.name) for one in summary.digital for span in one.on_ms[:1]]
-    theirs = [
-        (on, (_fixed(on, 2), name, "stays" if off is None else _fixed(off, 2), ""))
-        for on, off, name in sorted(channels, key=lambda channel: channel[0])[:MOST_BESIDE]
-    ]
+    """What a replayed record's own digital channels did first, and what our elements did first, by time.
+
+    A channel that was on from the record's start is told when it first goes.
+    """
+    start_ms = -summary.inception.zero_ns / 1e6
+    channels = []
+    for one in summary.digital:
+        on, off = one.on_ms[0]
+        if on > start_ms:
+            channels.append((on, one.name, "stays" if off is None else _fixed(off, 2)))
+        elif off is not None:
+            channels.append((off, f"{one.name} off", NONE))
+    kept = sorted(channels, key=lambda channel: (not TRIP_NAME.search(channel[1]), channel[0]))[:MOST_BESIDE]
+    theirs = [(at, (_fixed(at, 2), name, until, "")) for at, name, until in kept]
     if not theirs:
         return []
     kinds = ("Str", "Op", "Tr")
@@ -216,6 +229,14 @@ def beside_rows(summary: Summary) -> Rows:
     rows = [row for _, row in sorted([*theirs, *ours], key=lambda found: found[0])]
     left = len(channels) - len(theirs)
     return [*rows, ("", f"and {left} more", "", "")] if left else rows
+
+
+def trips_beside(summary: Summary) -> Rows:
+    """Of those rows the trips, the record's by their names and ours; none where the record has none."""
+    rows = beside_rows(summary)
+    theirs = [row for row in rows if row[1] and TRIP_NAME.search(row[1]) and not row[1].endswith(" off")]
+    ours = [row for row in rows if row[3].endswith((" Op", " Tr"))]
+    return sorted(theirs + ours, key=lambda row: float(row[0])) if theirs else []
 
 
 def _times(element: ElementFacts) -> str:

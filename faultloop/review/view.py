@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.io.mcap_reader import Log
+from faultloop.io.messages import LOOPS
+from faultloop.relay.functions import FUNCTIONS
 from faultloop.review.facts import BreakerFacts, FaultedLoop, RelayFacts, Summary
 from faultloop.review.rows import RelayRows, Span, relay_rows
 from faultloop.review.summary import RECORD
@@ -24,7 +27,7 @@ LOOP_COLOURS = {
     "AG": "#D55E00", "BG": "#009E73", "CG": "#0072B2", "AB": "#B8860B", "BC": "#56B4E9", "CA": "#CC79A7",
 }  # fmt: skip
 KIND_COLOURS: dict[Kind, str] = {
-    "fault": "#222222", "forward": "#8FA3B5", "reverse": "#D9B8C4", "start": "#9DB4D0", "operate": "#26436B",
+    "fault": "#222222", "forward": "#7F9D8B", "reverse": "#D9B8C4", "start": "#9DB4D0", "operate": "#26436B",
     "record": "#8C7A4F", "blocked": "#D8D2C4",
     "A": PHASE_COLOURS["A"], "B": PHASE_COLOURS["B"], "C": PHASE_COLOURS["C"],
 }  # fmt: skip
@@ -158,10 +161,30 @@ def locus_ms(summary: Summary, view: RelayView) -> tuple[float, float]:
     zero, cleared = summary.inception.t_ns, view.facts.cleared_ns
     if zero is None:
         return window_ms(summary)
+    fault, loop = view.facts.fault, view.facts.loop
+    stop = fault.ms if fault else window_ms(summary)[1]
     if cleared is not None:
-        return -1.0, (cleared - zero) / 1e6
-    fault = view.facts.fault
-    return -1.0, fault.ms if fault else window_ms(summary)[1]
+        stop = (cleared - zero) / 1e6
+    elif loop is not None:  # no breaker says when its current went
+        inside = np.flatnonzero((view.ms >= 0.0) & (view.ms <= stop))
+        current = np.abs(loop_currents(view.rows.phasors[inside, 3:])[:, LOOPS.index(loop.loop)])
+        flows = inside[current > 0.1 * current.max(initial=0.0)]
+        stop = float(view.ms[flows[-1]]) if len(flows) else stop
+    return -1.0, stop
+
+
+def loop_currents(i: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Of phasors (n, 3) of the phase currents: each phase's, and each two phases' difference, (n, 6)."""
+    return np.concatenate([i, i - np.roll(i, -1, axis=1)], axis=1)
+
+
+def lane_meaning(label: str) -> str:
+    """What a lane of a function stands for, as the model of its settings has it; empty for another lane."""
+    node = label.partition(".")[0].rstrip("0123456789").lower()
+    model = next((function.settings for function in FUNCTIONS if function.key == node), None)
+    if model is None or not label[:1].isupper():
+        return ""
+    return inspect.cleandoc(model.__doc__ or "").split("\n\n")[0].partition(": ")[2].rstrip(".")
 
 
 def zone_shapes(zones: Zones, loop: FaultedLoop | None) -> dict[str, NDArray[np.float64]]:

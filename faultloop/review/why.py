@@ -25,7 +25,7 @@ from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.layout import Instance
 from faultloop.relay.quantities import FAULTS, LOOPS
 from faultloop.review import why_stages
-from faultloop.review.facts import Summary, TripFacts
+from faultloop.review.facts import Summary, Told, TripFacts
 from faultloop.review.retrace import Retraced, retrace
 from faultloop.review.survey import survey
 from faultloop.review.why_stages import Cause
@@ -44,27 +44,28 @@ POLARIZED = {
 
 
 @dataclass(frozen=True)
-class Reason:
-    """Why a function operated, or did not.
-
-    Attributes
-    ----------
-    t_ns : of a function that operated, when it did; else of the last sample judged [ns since the start].
-    m : depth of the fault as a part of the zone's reach (of a stage: its quantity over the pickup); None
-        where there is none.
-    timer_ms : how long it had been started.
-    cause : one of ``CAUSES``.
-    """
+class Reason(Told):
+    """Why a function operated, or did not."""
 
     relay: str
+    """Whose function it is."""
     function: str
+    """As in the log, `PDIS1`."""
     loop: str
+    """The loop that is told of, `AG`, `BC`; empty where there is none."""
     t_ns: int
+    """When it did what is told; of one that did not operate, the last sample judged [ns since the start]."""
     operated: bool
+    """Whether it operated."""
     m: float | None
+    """Depth of the fault as a part of the zone's reach (of a stage: its quantity over the pickup); None where
+    there is none."""
     timer_ms: float | None
+    """How long it had been started."""
     cause: Cause
+    """What let it operate, or what kept it."""
     text: str
+    """The whole in words."""
 
 
 CAUSES = get_args(Cause)
@@ -138,9 +139,11 @@ def _reasons(
 
 
 def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | None) -> Reason:
+    """``at_ns``: when it operated; a zone that stands may trip further poles later, by another loop."""
     one, known, zero = facts.one, facts.known, facts.zero
     start = next((on for on, off in reversed(facts.started) if on <= at_ns), at_ns)
-    row = int(np.searchsorted(known.t_ns, at_ns))
+    decided_ns = at_ns if trip is None else max(trip.decided_ns, at_ns)
+    row = int(np.searchsorted(known.t_ns, decided_ns))
     m, loop, how = None, "" if trip is None else trip.loop, ""
     if one.function.name == "PDIS" and row < len(known.t_ns):
         place = known.constants["pdis"][one.number]
@@ -160,7 +163,8 @@ def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | 
         text += "; the trip was another's" if facts.trips else "; its operate trips nothing"
     else:
         text += f"; tripped poles {trip.poles}"
-    return Reason(name, one.name, loop, at_ns, True, m, waited, "operated", text)
+        text += f" at {ms(decided_ns, zero)}" if decided_ns > at_ns else ""
+    return Reason(name, one.name, loop, decided_ns, True, m, waited, "operated", text)
 
 
 def window(summary: Summary, known: Retraced, name: str) -> NDArray[np.int64]:

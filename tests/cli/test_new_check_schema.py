@@ -163,3 +163,15 @@ def test_schema_of_what_a_command_prints(capsys: Capture, kind: str, tmp_path: P
     TypeAdapter(Summary).validate_json(json.dumps(printed))
     relay = schema["$defs"]["RelayFacts"]["properties"]
     assert set(printed["relays"]["R1"]) == set(relay)
+
+
+@pytest.mark.parametrize("kind", ["scenario", "relay", "campaign", "review", "why"])
+def test_every_key_in_a_schema_says_what_it_is(capsys: Capture, kind: str) -> None:
+    """And numbers with a unit in their names have it beside them."""
+    schema = json.loads(out_of(capsys, "schema", kind))
+    for name, model in {"the whole": schema, **schema["$defs"]}.items():
+        for key, field in model.get("properties", {}).items():
+            assert field.get("description", "").strip(" `[]"), (name, key)
+            if kind in ("scenario", "relay", "campaign"):
+                assert "default" in field or key in model.get("required", ()) or key == "factor", (name, key)
+                assert not key.endswith(("_ms", "_ohm", "_hz", "_pu", "_deg", "_km")) or field["unit"], key

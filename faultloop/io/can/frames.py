@@ -75,6 +75,7 @@ class State(NamedTuple):
     test: bool = False
 
     def encode(self) -> Frame:
+        """The frame that carries it."""
         kind, number, poles, st_num, sq_num, counter, time, test = self
         identifier = _BASE[kind] + number
         payload = port.state_payload(identifier, counter, poles, test, st_num, sq_num, time)
@@ -103,6 +104,7 @@ class SampledValues(NamedTuple):
     synchronized: int = 2
 
     def encode(self) -> Frame:
+        """The frame that carries it."""
         identifier = Kind.SAMPLED_VALUES + self.number
         va, vb, vc, ia, ib, ic = self.values
         invalid = 0
@@ -154,6 +156,7 @@ class Differential(NamedTuple):
     whom: int = 0  # which relay was heard
 
     def encode(self) -> Frame:
+        """The frame that carries it."""
         frame = new_frame()
         alarms = self.external | self.transfer << 1 | self.bare << 2
         parts = [part for i in self.currents for part in (i.real, i.imag)]
@@ -190,6 +193,7 @@ class Measurements(NamedTuple):
     counter: int = 0
 
     def encode(self) -> Frame:
+        """The frame that carries it."""
         head = (Kind.MEASUREMENTS, self.number, 0, self.counter)
         return _encoded(*head, *(0,) * 7, self.page.value, *self.values)
 
@@ -204,6 +208,7 @@ class Heartbeat(NamedTuple):
     time: int
 
     def encode(self) -> Frame:
+        """The frame that carries it."""
         head = (Kind.HEARTBEAT, self.number, self.time)
         return _encoded(*head, *(0,) * 5, self.state, self.alarms, self.rejected)
 
@@ -218,6 +223,7 @@ class TimeSync(NamedTuple):
     domain: int = 0
 
     def encode(self) -> Frame:
+        """The frame that carries it."""
         page = time_sync.FOLLOW_UP if self.follow_up else time_sync.SYNC
         head = (Kind.TIME_SYNC, 0, self.time, self.sequence, 0, self.domain)
         return _encoded(*head, 0, 0, 0, self.overflow, 0, page)

@@ -32,13 +32,18 @@ class AnalogChannel:
     """
 
     name: str
-    values: NDArray[np.float64]  # (samples,), NaN where missing
+    """As the file has it."""
+    values: NDArray[np.float64]
+    """(samples,), NaN where missing."""
     unit: str = ""
     phase: str = ""
+    """As the file has it."""
     circuit: str = ""
+    """What it measures, as the file has it."""
     scale: str = "P"
     ratio: tuple[float, float] = (1.0, 1.0)
-    skew_s: float = 0.0  # its samples are taken this much after the record's times
+    skew_s: float = 0.0
+    """Its samples are taken this much after the record's times."""
 
     @property
     def to_primary(self) -> float:
@@ -54,10 +59,15 @@ class StatusChannel:
     """One status (digital) channel."""
 
     name: str
-    values: NDArray[np.bool_]  # (samples,)
+    """As the file has it."""
+    values: NDArray[np.bool_]
+    """(samples,)"""
     phase: str = ""
+    """As the file has it."""
     circuit: str = ""
-    normal: int = 0  # its state while nothing happens
+    """What it watches, as the file has it."""
+    normal: int = 0
+    """Its state while nothing happens."""
 
 
 @dataclass(slots=True)
@@ -74,25 +84,39 @@ class TimeQuality:
 class Record:
     """A COMTRADE record: all channels share `t_ns`."""
 
-    t_ns: NDArray[np.int64]  # (samples,) since the first sample [ns]
+    t_ns: NDArray[np.int64]
+    """(samples,) since the first sample [ns]."""
     analog: list[AnalogChannel]
+    """In the order of the file."""
     status: list[StatusChannel] = field(default_factory=list)
-    rates: tuple[Rate, ...] = ()  # empty: the times are from time stamps
-    start_ns: int = 0  # time of the first sample, as if the file's clock were UTC [ns since 1970]; 0: unknown
+    """In the order of the file."""
+    rates: tuple[Rate, ...] = ()
+    """Stretches of constant rate; empty: the times are from time stamps."""
+    start_ns: int = 0
+    """Of the first sample, as if the file's clock were UTC [ns since 1970]; 0: unknown."""
     trigger_ns: int = 0
-    frequency_hz: float = 0.0  # nominal, as the file states it; 0 if it does not
+    """Of the trigger, in the same way."""
+    frequency_hz: float = 0.0
+    """Nominal, as the file states it; 0 if it does not."""
     station: str = ""
+    """The station's name."""
     device: str = ""
+    """The recorder's name."""
     revision: str = "2013"
+    """1991, 1999 or 2013."""
     time_quality: TimeQuality = field(default_factory=TimeQuality)
+    """Of the recorder's clock."""
     encoding: str = "utf-8"
-    notes: list[str] = field(default_factory=list)  # what a user should know of how it was read
+    """Of the texts in the file."""
+    notes: list[str] = field(default_factory=list)
+    """What a user should know of how it was read."""
 
     def __len__(self) -> int:
         return len(self.t_ns)
 
     @property
     def analog_names(self) -> list[str]:
+        """Of the analog channels."""
         return [channel.name for channel in self.analog]
 
     @property

@@ -12,22 +12,34 @@ class Page {
     if (asked.has("theme")) this.setTheme(asked.get("theme"));
     if (asked.has("mode")) this.setMode(asked.get("mode"));
     this.setRange(number("from") ?? this.window[0], number("to") ?? this.window[1]);
-    const decided = this.relays.flatMap((relay) => relay.marks).find(([, name]) => name !== "fault");
-    this.b = this.snapped(number("b") ?? 0);
-    this.setA(number("a") ?? (decided ? decided[0] : 0));
+    const [a, b] = this.first();
+    this.b = this.snapped(number("b") ?? b);
+    this.setA(number("a") ?? a);
     addEventListener("resize", () => { clearTimeout(this.later); this.later = setTimeout(() => this.rebuild(), 120); });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.setTheme(this.theme || "auto"));
     document.documentElement.dataset.ready = "1";
+  }
+  // Where the cursors begin: the first decision and the inception; else the fault as it was located, or the middle.
+  first() {
+    const decided = this.relays.flatMap((relay) => relay.marks).find(([, name]) => name !== "fault");
+    const located = this.relays.find((relay) => relay.loop), middle = (this.window[0] + this.window[1]) / 2;
+    if (!this.data.from_inception) return [middle, middle - 1e3 / this.data.nominal_hz];
+    return [decided ? decided[0] : located ? located.locus[1] : 0, 0];
   }
   section(relay, k) {
     const root = document.querySelector(`[data-relay="${k}"]`), find = (name) => root.querySelector("." + name);
     const plots = find("plots");
     plots.tabIndex = 0;
     plots.addEventListener("keydown", (event) => this.key(event, relay));
-    const loop = find("loop");
-    loop.replaceChildren(...this.loops.map((name) => new Option(name, name, false, name === relay.shown)));
-    loop.onchange = () => { relay.shown = loop.value; this.refresh(); };
-    return { relay, waves: new Waves(relay, plots, this), phasors: find("phasors"), plane: find("plane"), values: find("values"), impedance: find("impedance") };
+    const loops = this.loops.map((name) => {
+      const button = document.createElement("button");
+      button.textContent = name; button.style.boxShadow = `inset 0 -3px 0 var(--${name})`;
+      button.onclick = () => { relay.shown = name; this.refresh(); };
+      return button;
+    });
+    find("loops").replaceChildren(...loops);
+    for (const [name, by] of [["nearer", 1 / 1.5], ["farther", 1.5]]) find(name).onclick = () => { relay.distance *= by; this.refresh(); };
+    return { relay, loops, waves: new Waves(relay, plots, this), phasors: find("phasors"), plane: find("plane"), values: find("values"), impedance: find("impedance") };
   }
   controls() {
     const on = (id, action) => { const button = document.getElementById(id); if (button) button.onclick = () => action(button); };
@@ -102,16 +114,17 @@ class Page {
       drawPhasors(own.phasors, relay, row);
       drawPlane(own.plane, relay, row, rowB);
       own.values.replaceChildren(...this.values(relay, at, bt, row));
+      own.loops.forEach((button) => button.setAttribute("aria-pressed", String(button.textContent === relay.shown)));
       const z = relay.impedance(row, this.loops.indexOf(relay.shown)), f = relay.factor("Z");
       own.impedance.textContent = Number.isFinite(z[0]) ? `${relay.shown}: ${text(z[0] * f)} + j ${text(z[1] * f)} Ω, ${text(magnitude(z) * f)} Ω ∠ ${degrees(z).toFixed(1)}°` : `${relay.shown}: no impedance here`;
     }
   }
   values(relay, at, bt, row) {
     const cells = (tag, ...all) => { const tr = document.createElement("tr"); all.forEach(([words, mark]) => { const cell = document.createElement(tag); cell.textContent = words; if (mark) cell.className = mark; tr.append(cell); }); return tr; };
-    const angle = (z) => (magnitude(z) > 0 ? wrapped(degrees(z) - relay.reference_deg).toFixed(1) + "°" : "–");
-    const rows = [cells("th", [this.secondary ? "V, A" : "kV, kA"], ["A", "a"], ["B", "b"], ["A − B"], ["RMS at A", "a"], ["angle", "a"])];
+    const angle = (z) => (magnitude(z) > 0 ? (Math.round(10 * wrapped(degrees(z) - relay.reference_deg)) / 10 + 0).toFixed(1) + "°" : "–");
+    const rows = [cells("th", [["V", "I"].map((kind) => relay.unit(kind)[0]).join(", ")], ["A", "a"], ["B", "b"], ["A − B"], ["RMS at A", "a"], ["angle", "a"])];
     const line = (name, unit, a, b, z) => {
-      const f = relay.factor(unit) / (this.secondary ? 1 : 1e3), digits = unit === "V" ? 2 : 3;
+      const f = relay.unit(unit)[1], digits = unit === "V" ? 2 : 3;
       const fixed = (value) => (Number.isFinite(value) ? (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits) : "–");
       rows.push(cells("td", [name], ...[a, b, a - b, magnitude(z)].map((value) => [fixed(value * f)]), [Number.isFinite(z[0]) ? angle(z) : "–"]));
     };

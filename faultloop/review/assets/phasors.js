@@ -17,7 +17,7 @@ function greatestPhasors(relay) {
     const size = magnitude(relay.phasor(row, k));
     if (Number.isFinite(size)) { if (k < 3) v = Math.max(v, size); else i = Math.max(i, size); }
   }
-  return [v || 1, i || 1];
+  return [v, i];
 }
 function drawPhasors(canvas, relay, row) {
   const [g, width, height] = canvas2d(canvas, 240), x0 = width / 2, y0 = height / 2, radius = height / 2 - 22;
@@ -26,21 +26,23 @@ function drawPhasors(canvas, relay, row) {
   for (const part of [0.5, 1]) { g.beginPath(); g.arc(x0, y0, radius * part, 0, 7); g.stroke(); }
   g.beginPath(); g.moveTo(x0 - radius, y0); g.lineTo(x0 + radius, y0); g.moveTo(x0, y0 - radius); g.lineTo(x0, y0 + radius); g.stroke();
   g.fillStyle = css("--soft");
-  const scale = (k, unit) => text(relay.greatest[k] / 1e3 * relay.factor("VI"[k]), 3) + unit;
-  g.textAlign = "left"; g.fillText("V: circle " + scale(0, " kV"), 2, 12);
-  g.textAlign = "right"; g.fillText("I: circle " + scale(1, " kA"), width - 2, 12);
+  const scale = (k) => { const [unit, f] = relay.unit("VI"[k]); return relay.greatest[k] ? `circle ${text(relay.greatest[k] * f, 3)} ${unit}` : "none"; };
+  g.textAlign = "left"; g.fillText("V: " + scale(0), 2, 12);
+  g.textAlign = "right"; g.fillText("I: " + scale(1), width - 2, 12);
   if (row < 0) { g.textAlign = "center"; g.fillText("no estimates here: outside the detail", x0, y0 + 4); return; }
   const used = [];
   for (let k = 5; k >= 0; k--) {
     const z = relay.phasor(row, k), size = magnitude(z) / relay.greatest[k < 3 ? 0 : 1];
-    if (!(size > 0.004)) continue;
+    if (!(size > 0.01)) continue;
     const angle = (degrees(z) - relay.reference_deg) * Math.PI / 180, colour = css("--phase-" + "abc"[k % 3]);
     const x = x0 + radius * size * Math.cos(angle), y = y0 - radius * size * Math.sin(angle);
     g.strokeStyle = g.fillStyle = colour; g.lineWidth = k < 3 ? 2.4 : 1.8; g.setLineDash(k < 3 ? [] : [6, 4]);
     g.beginPath(); g.moveTo(x0, y0); g.lineTo(x, y); g.stroke(); g.setLineDash([]);
     g.beginPath(); g.moveTo(x, y);
-    for (const side of [-1, 1]) g.lineTo(x - 9 * Math.cos(angle + side * 0.4), y + 9 * Math.sin(angle + side * 0.4));
+    const head = Math.min(9, 0.7 * radius * size);
+    for (const side of [-1, 1]) g.lineTo(x - head * Math.cos(angle + side * 0.4), y + head * Math.sin(angle + side * 0.4));
     g.fill();
+    if (size < 0.09) continue; // a name would be greater than its arrow
     // the name beyond the tip, or beside it where another one is
     const name = relay.page.channels[k].toUpperCase();
     const places = [[11, 0], [13, 1], [13, -1], [24, 0], [22, 0.7], [22, -0.7], [34, 0.4], [34, -0.4], [46, 0]];

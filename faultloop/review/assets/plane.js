@@ -1,25 +1,34 @@
 // R-X plane: zones, line, the way of the loops, and where the cursors are on it.
 "use strict";
+// What is seen at first, for the shown loop: the zones as set, the line, the fault; and the zones as they are at
+// the decision, as far as that doubles it at most.
 function planeExtent(relay, ground) {
-  const points = [[0, 0]];
+  relay.extents ||= {};
+  if (relay.extents[relay.shown]) return relay.extents[relay.shown];
+  const points = [[0, 0]], own = relay.page.loops.indexOf(relay.shown);
   for (const zone of Object.values(relay.zones)) points.push(...zone[ground ? "ground" : "phase"]);
   if (relay.z1) points.push(relay.z1);
   if (relay.loop) points.push(relay.loop.slice(1));
   else if (points.length === 1 && relay.load) points.push(relay.load.map((z) => 1.3 * z));
   const low = [0, 1].map((k) => Math.min(...points.map((p) => p[k]))), high = [0, 1].map((k) => Math.max(...points.map((p) => p[k])));
-  const pad = [0, 1].map((k) => Math.max(0.12 * (high[k] - low[k]), 1));
-  return [low[0] - pad[0], high[0] + pad[0], low[1] - pad[1], high[1] + pad[1]];
+  const half = [0, 1].map((k) => (high[k] - low[k]) / 2), least = [0, 1].map((k) => low[k] - half[k]), most = [0, 1].map((k) => high[k] + half[k]);
+  const row = relay.row(relay.at(relay.page.first()[0]));
+  for (const zone of Object.values(relay.dynamic ? relay.dynamic.zones : {}))
+    for (const point of characteristic(relay, row, zone, own) || [])
+      for (const k of [0, 1]) { low[k] = Math.min(low[k], Math.max(point[k], least[k])); high[k] = Math.max(high[k], Math.min(point[k], most[k])); }
+  const pad = 0.06 * Math.max(high[0] - low[0], high[1] - low[1]) || 1;
+  return (relay.extents[relay.shown] = [low[0] - pad, high[0] + pad, low[1] - pad, high[1] + pad]);
 }
 function drawPlane(canvas, relay, rowA, rowB) {
-  const [g, width, height] = canvas2d(canvas, 320), ground = relay.shown.endsWith("G");
+  const [g, width, height] = canvas2d(canvas, 340), ground = relay.shown.endsWith("G");
   const [r0, r1, x0, x1] = planeExtent(relay, ground), left = 34, bottom = 20;
   const tick = (v) => String(+v.toPrecision(6));
-  const scale = Math.min((width - left - 6) / (r1 - r0), (height - bottom - 6) / (x1 - x0));
+  const scale = Math.min((width - left - 6) / (r1 - r0), (height - bottom - 6) / (x1 - x0)) / relay.distance;
   const mid = [(r0 + r1) / 2, (x0 + x1) / 2], centre = [(width + left) / 2, (height - bottom) / 2];
   const px = (r) => centre[0] + (r - mid[0]) * scale, py = (x) => centre[1] - (x - mid[1]) * scale;
   const factor = relay.factor("Z"), soft = css("--soft");
   // grid
-  const span = (width - left) / scale * factor, rough = span / 5, ten = 10 ** Math.floor(Math.log10(rough));
+  const span = (width - left) / scale * factor, rough = span / 8, ten = 10 ** Math.floor(Math.log10(rough));
   const step = ten * [1, 2, 5, 10].find((m) => m * ten >= rough) / factor;
   g.lineWidth = 1; g.strokeStyle = css("--grid"); g.fillStyle = soft;
   g.save(); g.beginPath(); g.rect(left, 0, width - left, height - bottom); g.clip();
@@ -45,7 +54,8 @@ function drawPlane(canvas, relay, rowA, rowB) {
   if (relay.z1) { g.strokeStyle = css("--ink"); g.lineWidth = 3; way([[0, 0], relay.z1]); g.stroke(); }
   // loci, from just before the fault to its end
   const [first] = relay.detail, [from, to] = relay.locus;
-  relay.page.loops.forEach((name, k) => {
+  const order = relay.page.loops.map((name, k) => [name, k]).sort(([one]) => (one === relay.shown ? 1 : 0));
+  order.forEach(([name, k]) => {
     const main = name === relay.shown;
     g.strokeStyle = css("--" + name); g.lineWidth = main ? 2.2 : 0.8; g.globalAlpha = main ? 1 : 0.45;
     g.beginPath();
@@ -59,12 +69,6 @@ function drawPlane(canvas, relay, rowA, rowB) {
     g.stroke();
   });
   g.globalAlpha = 1;
-  const spot = (row, colour, filled) => {
-    const z = relay.impedance(row, relay.page.loops.indexOf(relay.shown));
-    if (!Number.isFinite(z[0])) return;
-    g.strokeStyle = g.fillStyle = colour; g.lineWidth = 2.2; g.beginPath(); g.arc(px(z[0]), py(z[1]), 6, 0, 7); if (filled) g.fill(); g.stroke();
-  };
-  spot(rowB, css("--cursor-b"), false); spot(rowA, css("--cursor-a"), true);
   // the zones' names, each where no other one is
   const used = []; g.font = "11px system-ui, sans-serif"; g.textAlign = "center";
   for (const [name, zone] of Object.entries(relay.zones)) {
@@ -79,6 +83,12 @@ function drawPlane(canvas, relay, rowA, rowB) {
     g.fillStyle = css("--paper"); g.fillRect(place[0] - half, place[1] - 10, 2 * half, 12);
     g.fillStyle = css("--accent"); g.fillText(name, place[0], place[1]);
   }
+  const spot = (row, colour, filled) => {
+    const z = relay.impedance(row, relay.page.loops.indexOf(relay.shown));
+    if (!Number.isFinite(z[0])) return;
+    g.strokeStyle = g.fillStyle = colour; g.lineWidth = 2.2; g.beginPath(); g.arc(px(z[0]), py(z[1]), 4.5, 0, 7); if (filled) g.fill(); g.stroke();
+  };
+  spot(rowB, css("--cursor-b"), false); spot(rowA, css("--cursor-a"), true);
   g.restore();
   g.fillStyle = soft; g.textAlign = "center";
   let last = -Infinity;

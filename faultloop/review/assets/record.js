@@ -21,6 +21,7 @@ class Relay {
     this.impedances = new Float32Array(bytes(data.impedances));
     this.remembered = data.dynamic ? new Float32Array(bytes(data.dynamic.rows)) : null;
     this.shown = data.loop ? data.loop[0] : "AG";
+    this.distance = 1; // of the R-X plane
   }
   // Index of the sample nearest to a time, -1 where there is none.
   at(ms) {
@@ -51,7 +52,15 @@ class Relay {
     const [ct, vt] = this.ratios;
     return kind === "V" ? 1 / vt : kind === "I" ? 1 / ct : ct / vt;
   }
+  // The unit of a voltage or current, and what a primary value is multiplied by for it.
+  unit(kind) {
+    const secondary = this.page.secondary && this.ratios, small = kind === "V" ? "V" : "A";
+    return secondary ? [small, this.factor(kind)] : ["k" + small, 1e-3];
+  }
+  // Whether a channel has any number.
+  has(kind) { return [0, 1, 2].some((k) => this.samples[k + (kind === "V" ? 0 : 3)].some((y) => !Number.isNaN(y))); }
 }
+const NOTHING = { V: "no voltages in this log", I: "no currents in this log" };
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const magnitude = ([x, y]) => Math.hypot(x, y);
 const degrees = ([x, y]) => Math.atan2(y, x) * 180 / Math.PI;

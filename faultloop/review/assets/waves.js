@@ -16,7 +16,7 @@ function axisWidth(relay) {
 
 // The three series of a wave plot, by what is shown.
 function seriesOf(relay, kind, mode) {
-  const base = kind === "V" ? 0 : 3, factor = relay.factor(kind) / 1e3;
+  const base = kind === "V" ? 0 : 3, [, factor] = relay.unit(kind);
   if (mode === "samples")
     return [0, 1, 2].map((k) => ({ name: relay.page.channels[base + k].toUpperCase(), colour: "--phase-" + "abc"[k],
       values: Float64Array.from(relay.samples[base + k], (y) => y * factor) }));
@@ -37,8 +37,8 @@ const nullable = (values) => Array.from(values, (y) => (Number.isNaN(y) ? null :
 
 function axes(last, room, vertical, title = "") {
   const grid = { stroke: () => css("--grid"), width: 1 }, stroke = () => css("--soft");
-  const x = { stroke, grid, ticks: grid, font: FONT, size: last ? 28 : 0,
-    ...(last ? { label: title, labelSize: 18, labelFont: FONT, labelGap: 0 } : {}),
+  const x = { stroke, grid, ticks: grid, font: FONT, size: last ? 26 : 0,
+    ...(last ? { label: title, labelSize: 20, labelFont: FONT, labelGap: 2 } : {}),
     values: last ? (u, ticks) => ticks.map((v) => String(+v.toFixed(6))) : () => [] };
   return [x, { stroke, grid, ticks: grid, font: FONT, size: room, ...vertical }];
 }
@@ -106,30 +106,32 @@ class Waves {
     this.plots = [];
     this.root.replaceChildren();
     this.room = axisWidth(this.relay);
+    this.root.parentElement.style.setProperty("--room", this.room + "px"); // captions begin where the plots do
     for (const kind of ["V", "I"]) this.plots.push(this.wave(kind));
     if (this.relay.lanes.length) this.plots.push(this.lanes());
     this.plots.forEach((u) => this.cursors(u));
   }
   get width() { return Math.max(this.root.clientWidth, 260); }
   common(height) {
-    return { width: this.width, height, legend: { show: false }, scales: { x: { time: false } },
+    const range = (u, low, high) => (low === null ? [-1, 1] : uPlot.rangeNum(low, high, 0.1, true));
+    return { width: this.width, height, legend: { show: false }, scales: { x: { time: false }, y: { range } },
       cursor: { drag: { x: true, y: false, setScale: false }, points: { show: false }, x: false, y: false } };
   }
   wave(kind) {
-    const shown = seriesOf(this.relay, kind, this.page.mode), unit = kind === "V" ? "kV" : "kA";
+    const shown = seriesOf(this.relay, kind, this.page.mode), [unit] = this.relay.unit(kind), there = this.relay.has(kind);
     const what = { samples: "", rms: " RMS", sequence: " RMS, sequence components" }[this.page.mode];
     const caption = document.createElement("div");
     caption.className = "caption";
-    caption.append(`${kind === "V" ? "Voltage" : "Current"} [${unit}]${what}`);
+    caption.append(`${kind === "V" ? "Voltage" : "Current"} [${unit}]${what}${there ? "" : ": " + NOTHING[kind]}`);
     this.root.append(caption);
     const marks = kind === "V";
     const last = kind === "I" && !this.relay.lanes.length;
-    const u = new uPlot({ ...this.common((NARROW() ? 140 : 180) + (marks ? 20 : 0) + (last ? 46 : 0)), padding: [marks ? 4 + 13 * LANES() : 8, 18, 6, 0],
-      axes: axes(last, this.room, {}, this.page.title),
+    const u = new uPlot({ ...this.common((NARROW() ? 140 : 190) + (marks ? 20 : 0) + (last ? 46 : 0)), padding: [marks ? 4 + 13 * LANES() : 8, 18, 6, 0],
+      axes: axes(last, this.room, there ? {} : { values: () => [] }, this.page.title),
       series: [{}, ...shown.map((s, k) => ({ label: s.name, stroke: () => css(s.colour), width: 1.3, show: !this.hidden[kind].has(k), spanGaps: this.page.mode !== "samples" && this.relay.step > 1, points: { show: false } }))],
       hooks: { drawClear: [(v) => drawMarks(v, this.relay, marks)] } },
       [this.relay.t, ...shown.map((s) => nullable(s.values))], this.root);
-    shown.forEach((s, k) => {
+    if (there) shown.forEach((s, k) => {
       const button = document.createElement("button");
       button.innerHTML = `<span class="swatch" style="background:var(${s.colour})"></span>`;
       button.append(s.name);
@@ -151,7 +153,7 @@ class Waves {
     caption.innerHTML = kinds.map((kind) => `<span><span class="swatch box" style="background:var(--k-${kind})"></span>${this.page.kinds[kind]}</span>`).join("");
     this.root.append(caption);
     const n = this.relay.lanes.length;
-    return new uPlot({ ...this.common(18 * n + 60), padding: [4, 18, 6, 0], scales: { x: { time: false }, y: { range: [0, n] } },
+    return new uPlot({ ...this.common(18 * n + 62), padding: [4, 18, 6, 0], scales: { x: { time: false }, y: { range: [0, n] } },
       axes: axes(true, this.room, { values: () => [], grid: { show: false }, ticks: { show: false } }, this.page.title), series: [{}, { show: false }],
       hooks: { drawClear: [(v) => drawMarks(v, this.relay, false)], draw: [(v) => drawLanes(v, this.relay, this.room)] } },
       [this.relay.t, new Array(this.relay.t.length).fill(null)], this.root);

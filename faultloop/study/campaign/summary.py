@@ -28,7 +28,9 @@ class Summary:
     out: Path
     cases: int
     right: int
+    """Cases."""
     wrong: int
+    """Cases."""
     unjudged: int
     errors: int
     new: int
