@@ -23,7 +23,8 @@ import rerun_cli
 from rerun.experimental import ViewerClient
 
 from faultloop.io.mcap_reader import open_log
-from faultloop.io.rerun_sink import log_to_rerun
+from faultloop.review.rerun import show
+from faultloop.review.summary import summarize
 
 ROOT = Path(__file__).resolve().parents[1]
 PROGRAM = Path(rerun_cli.__file__).with_name("rerun.exe" if sys.platform == "win32" else "rerun")
@@ -63,7 +64,7 @@ def main() -> None:
         importlib.import_module("rerun")  # which is not what is measured
         begin = time.perf_counter()
         log = open_log(source)
-        log_to_rerun(log, str(rrd))
+        show(log, summarize(log), str(rrd))
         rows = sum(len(log.samples(relay)) for relay in log.relays)
         print(f"to rerun: {1e6 * (time.perf_counter() - begin) / max(rows, 1):.1f} us per sample of a relay")
         for line in screenshot(rrd, png, float(given[2]) if given[2] else None):

@@ -57,7 +57,7 @@ def command(
         for path in written:
             say(f"wrote {path}")
     if rerun is not None:
-        from faultloop.io.rerun_sink import log_to_rerun
+        from faultloop.review.rerun import show
 
-        serve(log_to_rerun(opened, rerun))
+        serve(show(opened, summary, rerun))
     return 0

@@ -41,11 +41,14 @@ class Block:
             return None
         found = numbers(text)
         if found is None or (count is not None and len(found) < count):
-            raise InputError(f"{self.name} {key}: '{text[:40]}' should be {count or 'some'} numbers")
+            raise InputError(f"{self.name} {key}: '{text[:40]}' should be {_COUNTS.get(count, 'numbers')}")
         return found
 
     def all(self, *names: str) -> list[Block]:
         return [block for block in self.blocks if block.name in names]
+
+
+_COUNTS = {1: "a finite number", 2: "two finite numbers", None: "finite numbers"}
 
 
 def numbers(text: str) -> list[float] | None:

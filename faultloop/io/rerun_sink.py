@@ -10,7 +10,7 @@ import contextlib
 import importlib
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,9 @@ from faultloop.io.rerun_view import (
     TIMELINE,
     Characteristics,
     blueprint,
+    draw_line,
     draw_plane,
+    style_moving,
     style_relay,
     style_states,
 )
@@ -54,8 +56,9 @@ ROWS = 960  # of a block when a whole log is sent
 class RelayStream:
     """What one relay has that is not sent yet, and how far what is sent goes."""
 
-    def __init__(self, name: str, bits: Sequence[str], reach: float) -> None:
+    def __init__(self, name: str, bits: Sequence[str], reach: float, zones: tuple[str, ...]) -> None:
         self.name = name
+        self.zones = zones
         self.names = bit_names(tuple(bits))
         self.elements = tuple(bits)
         self.reach = reach  # [ohm] loci are drawn up to some times this
@@ -122,8 +125,20 @@ class RerunSink:
         """Makes the views of a relay; arguments as in ``LogWriter.add_relay``."""
         reach = draw_plane(self._rr, self._stream, self._path("relay", name), characteristics or {})
         style_relay(self._rr, self._stream, self._path("relay", name))
-        self._relays[name] = RelayStream(name, bits, reach)
+        self._relays[name] = RelayStream(name, bits, reach, tuple(characteristics or {}))
         self._layout_due = True
+
+    def draw_line(self, name: str, z1: complex) -> None:
+        """Draws a relay's line on its R-X plane: its positive-sequence impedance [ohm, primary]."""
+        draw_line(self._rr, self._stream, self._path("relay", name), z1)
+
+    def move_zone(self, name: str, zone: str, t_ns: np.ndarray, polygons: Sequence[np.ndarray]) -> None:
+        """A zone as it was at these times, (k, 2) [ohm, primary] each, beside it as set; none where empty."""
+        path = f"{self._path('relay', name)}/plane/zone_now/{zone}"
+        style_moving(self._rr, self._stream, path, list(self._relays[name].zones).index(zone))
+        there = np.array([len(polygon) > 0 for polygon in polygons])
+        strips = self._rr.LineStrips2D.columns(strips=[polygon for polygon in polygons if len(polygon)])
+        self._stream.send_columns(path, self._times(t_ns), strips.partition(there.astype(int)))
 
     def relay_block(
         self,
@@ -328,9 +343,9 @@ def _time_columns(rr: Any, t_ns: np.ndarray, start_ns: int, zero_ns: int | None)
     return lines
 
 
-def log_to_rerun(log: Log, target: str) -> RerunSink:
+def log_to_rerun(log: Log, target: str, more: Callable[[RerunSink], None] | None = None) -> RerunSink:
     """Shows a whole log, in stretches; ``target`` as for ``RerunSink``.  With ``serve``, ``wait`` on what is
-    returned."""
+    returned.  ``more``: what else is to be shown of its relays, once they are there."""
     sink = RerunSink(target, log.start_ns, name=log.metadata.get("scenario", {}).get("name") or log.path.stem)
     sink.zero_ns = next((entry.t_ns for entry in log.faults if entry.on), None)
     for name, values in log.metadata.items():
@@ -340,6 +355,8 @@ def log_to_rerun(log: Log, target: str) -> RerunSink:
     for relay in log.relays:
         bits = [name.removesuffix(".Str") for name in log.bits(relay)["pickup"]]
         sink.add_relay(relay, bits, log.characteristics(relay))
+    if more is not None:
+        more(sink)
     changing = _changing(log)
     for span in log.windows():
         for entry in log.entries(*RARE, from_ns=span[0], to_ns=span[1]):

@@ -20,7 +20,7 @@ PHASE_COLORS = np.array([0xFF8A3CFF, 0x2FC795FF, 0x4FA8E8FF], np.uint32)
 LOOP_COLORS = np.array([*PHASE_COLORS, 0xE0B040FF, 0x8FD0F8FF, 0xE7A3CAFF], np.uint32)
 ZONE_COLORS = [0x4FD1C5FF, 0x8FA8FFFF, 0xC58BE8FF, 0x9FB65EFF, 0xA9B4C2FF]
 FAULT_TYPES = (*LOOPS, "ABG", "BCG", "CAG", "ABC", "ABCG")
-GRID, TICK = 0x343B47FF, 0x9AA5B1FF
+GRID, TICK, LINE = 0x343B47FF, 0x9AA5B1FF, 0xF2F4F7FF
 STATE_COLORS = {  # of a lane's states; others get a colour from rerun
     "Str": 0xD9A21BFF,
     "Op": 0xE5484DFF,
@@ -102,7 +102,7 @@ def draw_plane(rr: Any, stream: Any, path: str, characteristics: Characteristics
                 stream.log(
                     f"{plane}/zone/{zone}{kind}".replace(" ", "_"),
                     rr.LineStrips2D(
-                        [closed], colors=[color], radii=rr.Radius.ui_points(0.8 if kind == " ground" else 1.2)
+                        [closed], colors=[color], radii=rr.Radius.ui_points(0.6 if kind == " ground" else 0.9)
                     ),
                     static=True,
                 )
@@ -115,6 +115,20 @@ def draw_plane(rr: Any, stream: Any, path: str, characteristics: Characteristics
                     color,
                 )
     return reach
+
+
+def draw_line(rr: Any, stream: Any, path: str, z1: complex) -> None:
+    """The line, from where the relay is to its far end."""
+    points = [[[0.0, 0.0], [z1.real, z1.imag]]]
+    thick = rr.Radius.ui_points(1.6)
+    stream.log(f"{path}/plane/line", rr.LineStrips2D(points, colors=[LINE], radii=thick), static=True)
+
+
+def style_moving(rr: Any, stream: Any, path: str, place: int) -> None:
+    """Colour of a zone as it is, the same as of the zone as set."""
+    color = ZONE_COLORS[place % len(ZONE_COLORS)]
+    thick = rr.Radius.ui_points(2.2)
+    stream.log(path, rr.LineStrips2D.from_fields(colors=[color], radii=thick, draw_order=20), static=True)
 
 
 def _label_zone(rr: Any, stream: Any, path: str, text: str, shape: np.ndarray, color: int) -> None:

@@ -217,6 +217,11 @@ def at_instant(
     zones = [one for one in known.instances if one.function.name == "PDIS"]
     if function is not None and function not in (names := [one.name for one in zones]):
         raise InputError(f"'{name}' has no zone '{function}'; {nearest(function, names)}", key="--function")
+    first_ns, last_ns = summary.relays[name].first_ns, summary.relays[name].last_ns
+    if first_ns is None or last_ns is None or not first_ns - step_ns <= t_ns <= last_ns + step_ns:
+        span = [(t or 0) - summary.inception.zero_ns for t in (first_ns, last_ns)]
+        told = f"the log of relay '{name}' goes from {span[0] / 1e6:.2f} to {span[1] / 1e6:.2f} ms"
+        raise InputError(told, key="--at")
     found: dict[str, Any] = {"relay": name, "t_ns": t_ns, "text": "at rest: nothing changed, nothing blocked"}
     if row < 0 or t_ns - known.t_ns[row] > 1.5 * step_ns:
         return found | {"zones": []}

@@ -1,0 +1,58 @@
+"""A log in rerun: the line, and the zones with what polarized them at each instant, read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from faultloop.io.mcap_reader import open_log
+from faultloop.relay.quantities import FAULTS
+from faultloop.review.characteristic import characteristics_at
+from faultloop.review.relay_summary import line_impedance
+from faultloop.review.rerun import show
+from faultloop.review.retrace import retrace
+from faultloop.review.rows import relay_rows
+from faultloop.review.summary import summarize
+from tests.review.why_cases import QUAD, fault, write
+
+PLANE = "/relay/R1/plane"
+
+
+def read(path: Path) -> dict[str, list[Any]]:
+    from rerun.chunk import RrdReader
+
+    found: dict[str, list[Any]] = {}
+    for chunk in RrdReader(str(path)).stream().to_chunks():
+        found.setdefault(chunk.entity_path, []).append(chunk.to_record_batch())
+    return found
+
+
+def test_zones_move_as_the_relay_had_them(tmp_path: Path) -> None:
+    zones = [{"zone": 1, "reach_pu": 0.8}, *QUAD]
+    log = open_log(write(tmp_path / "a.mcap", {"pdis": zones}, fault("BC", 0.75, resistance=2.0), "BC"))
+    show(log, summarize(log), str(tmp_path / "a.rrd"))
+    chunks, known, rows = read(tmp_path / "a.rrd"), retrace(log, "R1"), relay_rows(log, "R1")
+
+    (line,) = chunks[f"{PLANE}/line"]
+    z1 = line_impedance(log, "R1")
+    assert z1 is not None
+    (strip,) = line["LineStrips2D:strips"].to_pylist()[0]
+    np.testing.assert_allclose(strip, [[0, 0], [z1.real, z1.imag]], rtol=1e-6)
+
+    moving = [batch for batch in chunks[f"{PLANE}/zone_now/PDIS1"] if "time" in batch.schema.names]
+    times = np.concatenate([batch["time"].cast(pa.int64()).to_numpy() for batch in moving])
+    strips = [value for batch in moving for value in batch["LineStrips2D:strips"].to_pylist()]
+    assert not strips[np.argmax(times)]  # nothing is left standing when the disturbance is over
+    compared = 0
+    for t_ns, drawn in zip(times, strips, strict=True):
+        place = np.searchsorted(known.t_ns, t_ns)
+        if not drawn or FAULTS[int(known.shared["fault"][place])] != "BC":
+            continue
+        x = rows.phasors[np.searchsorted(rows.t_ns, t_ns)]
+        there = characteristics_at(log, "R1", int(t_ns), 4, x)["PDIS1"]
+        np.testing.assert_allclose(drawn[0], there, atol=1e-4 * np.abs(there).max())
+        compared += 1
+    assert compared > 10
