@@ -18,8 +18,7 @@ from faultloop.io.mcap_contents import Contents, Segment
 from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC
 from faultloop.io.mcap_messages import MessageReader
 from faultloop.io.messages import Message, array_dtype, message_of, source_of
-from faultloop.io.notebook import figure, frame
-from faultloop.io.notebook import table as table_of
+from faultloop.io.notebook import figure, frame, log_html
 from faultloop.io.output_file import parts_of
 
 if TYPE_CHECKING:
@@ -63,7 +62,6 @@ class Log:
     topics : names of all topics, ours or not, sorted.
     relays, breakers : names, in the order of the file.
     metadata, attachments : metadata records and contents, by name.
-    trips, events, breaker_states, faults, can : their messages, in order of time.
     warnings : what is damaged and was left out or found in another way, one line each; reading may add some.
     """
 
@@ -89,10 +87,7 @@ class Log:
 
     def _repr_html_(self) -> str:
         """Trips and events, for a notebook."""
-        trips = [(f"{t.t_ns / 1e6:.3f}", t.source, t.function, t.zone, t.loop) for t in self.trips]
-        events = [(f"{e.t_ns / 1e6:.3f}", e.fields["name"] or e.source, e.message) for e in self.events]
-        shown = table_of(repr(self).strip("<>"), ("ms", "relay", "function", "zone", "loop"), trips)
-        return shown + table_of("Events", ("ms", "from", "what"), events)
+        return log_html(repr(self).strip("<>"), self.trips, self.events)
 
     def plot(self, relay: str | None = None) -> Figure:
         """Voltages and currents of a relay, or of all side by side, with the trips: a matplotlib Figure."""

@@ -79,3 +79,11 @@ def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) 
     body = "".join(line(row, "td") for row in rows)
     head = line(columns, "th") if rows else ""
     return f"<p>{html.escape(title)}</p><table>{head}{body}</table>"
+
+
+def log_html(title: str, trips: Sequence[Any], events: Sequence[Any]) -> str:
+    """A log's trips and events, entries of its reader."""
+    told = [(f"{t.t_ns / 1e6:.3f}", t.source, t.function, t.zone, t.loop) for t in trips]
+    said = [(f"{e.t_ns / 1e6:.3f}", e.fields["name"] or e.source, e.message) for e in events]
+    shown = table(title, ("ms", "relay", "function", "zone", "loop"), told)
+    return shown + table("Events", ("ms", "from", "what"), said)
