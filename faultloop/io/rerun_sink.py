@@ -43,7 +43,7 @@ from faultloop.io.rerun_view import (
     blueprint,
     draw_line,
     draw_plane,
-    style_moving,
+    move_zone,
     style_relay,
     style_states,
 )
@@ -134,11 +134,8 @@ class RerunSink:
 
     def move_zone(self, name: str, zone: str, t_ns: np.ndarray, polygons: Sequence[np.ndarray]) -> None:
         """A zone as it was at these times, (k, 2) [ohm, primary] each, beside it as set; none where empty."""
-        path = f"{self._path('relay', name)}/plane/zone_now/{zone}"
-        style_moving(self._rr, self._stream, path, list(self._relays[name].zones).index(zone))
-        there = np.array([len(polygon) > 0 for polygon in polygons])
-        strips = self._rr.LineStrips2D.columns(strips=[polygon for polygon in polygons if len(polygon)])
-        self._stream.send_columns(path, self._times(t_ns), strips.partition(there.astype(int)))
+        path, place = self._path("relay", name), self._relays[name].zones.index(zone)
+        move_zone(self._rr, self._stream, f"{path}/plane/zone_now/{zone}", place, self._times(t_ns), polygons)
 
     def relay_block(
         self,
@@ -286,15 +283,8 @@ class RerunSink:
             rows = np.flatnonzero(changed & mask)
             if not len(rows):
                 continue
-            started, acting = relay.names["pickup"][bit], relay.names["operate"][bit]
-            states = [
-                acting.rpartition(".")[2] or "Op"
-                if operate[row] & mask
-                else started.rpartition(".")[2]
-                if pickup[row] & mask
-                else None
-                for row in rows
-            ]
+            names = relay.names["pickup"][bit], relay.names["operate"][bit]
+            states = _states(names, pickup[rows] & mask, operate[rows] & mask)
             self._state(self._path("state", relay.name, element), t_ns[rows], states)
         relay.pickup, relay.operate = int(pickup[-1]), int(operate[-1])
 
@@ -330,6 +320,14 @@ class RerunSink:
             timeline = TIMELINE if self.zero_ns is None else FROM_FAULT
             self._stream.send_blueprint(blueprint(self._rr, reaches, self._documents, timeline))
             self._layout_due = False
+
+
+def _states(names: tuple[str, str], started: np.ndarray, acting: np.ndarray) -> list[str | None]:
+    """What a lane shows: how the element operates, else how it starts, by the bits' names; else nothing."""
+    start, operate = (name.rpartition(".")[2] for name in names)
+    return [
+        (operate or "Op") if acts else start if on else None for on, acts in zip(started, acting, strict=True)
+    ]
 
 
 def _time_columns(rr: Any, t_ns: np.ndarray, start_ns: int, zero_ns: int | None) -> list[Any]:

@@ -124,11 +124,15 @@ def draw_line(rr: Any, stream: Any, path: str, z1: complex) -> None:
     stream.log(f"{path}/plane/line", rr.LineStrips2D(points, colors=[LINE], radii=thick), static=True)
 
 
-def style_moving(rr: Any, stream: Any, path: str, place: int) -> None:
-    """Colour of a zone as it is, the same as of the zone as set."""
-    color = ZONE_COLORS[place % len(ZONE_COLORS)]
-    thick = rr.Radius.ui_points(2.2)
+def move_zone(
+    rr: Any, stream: Any, path: str, place: int, times: Any, polygons: Sequence[np.ndarray]
+) -> None:
+    """A zone as it is, in the colour of the ``place``-th zone as set, and thicker."""
+    color, thick = ZONE_COLORS[place % len(ZONE_COLORS)], rr.Radius.ui_points(2.2)
     stream.log(path, rr.LineStrips2D.from_fields(colors=[color], radii=thick, draw_order=20), static=True)
+    there = [int(len(polygon) > 0) for polygon in polygons]
+    strips = rr.LineStrips2D.columns(strips=[polygon for polygon in polygons if len(polygon)])
+    stream.send_columns(path, times, strips.partition(there))
 
 
 def _label_zone(rr: Any, stream: Any, path: str, text: str, shape: np.ndarray, color: int) -> None:
