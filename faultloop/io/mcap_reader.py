@@ -57,8 +57,7 @@ class Log:
 
     Attributes
     ----------
-    path : the file.
-    start_ns : start of the run [ns since 1970-01-01 UTC]; every ``t_ns`` counts from it.
+    path, start_ns : the file; the run's start [ns since 1970-01-01 UTC], from which every ``t_ns`` counts.
     topics : names of all topics, ours or not, sorted.
     relays, breakers : names, in the order of the file.
     metadata, attachments : metadata records and contents, by name.

@@ -273,11 +273,9 @@ class RerunSink:
         self, relay: RelayStream, t_ns: np.ndarray, pickup: np.ndarray, operate: np.ndarray
     ) -> None:
         """One lane per element that has ever started: what it does, at its changes."""
-        before = (
-            np.append(np.uint64(relay.pickup), pickup[:-1]),
-            np.append(np.uint64(relay.operate), operate[:-1]),
-        )
-        changed = (before[0] ^ pickup) | (before[1] ^ operate)
+        started = np.append(np.uint64(relay.pickup), pickup[:-1])
+        acted = np.append(np.uint64(relay.operate), operate[:-1])
+        changed = (started ^ pickup) | (acted ^ operate)
         for bit, element in enumerate(relay.elements):
             mask = np.uint64(1 << bit)
             rows = np.flatnonzero(changed & mask)
