@@ -6,6 +6,7 @@ A conducting pole is a conductance in the network's matrix, which is factored an
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -81,10 +82,17 @@ class Star:
     kind: ClassVar[Kind] = "fault"
 
     def conductances(self) -> Floats:
-        star = EVERY_MASK / max(self.phase_ohm, CONTACT_OHM)
-        total = star.sum(axis=1) + 1 / max(self.ground_ohm, CONTACT_OHM)
-        total[total == 0] = 1.0  # nothing conducts
-        return (_diagonal(star) - star[:, :, None] * star[:, None, :] / total[:, None, None]).reshape(8, 9)
+        return _of_star(self.phase_ohm, self.ground_ohm)
+
+
+@lru_cache(256)  # a campaign asks for the same one in every case
+def _of_star(phase_ohm: float, ground_ohm: float) -> Floats:
+    star = EVERY_MASK / max(phase_ohm, CONTACT_OHM)
+    total = star.sum(axis=1) + 1 / max(ground_ohm, CONTACT_OHM)
+    total[total == 0] = 1.0  # nothing conducts
+    made = (_diagonal(star) - star[:, :, None] * star[:, None, :] / total[:, None, None]).reshape(8, 9)
+    made.flags.writeable = False
+    return made
 
 
 class Action(NamedTuple):
