@@ -283,17 +283,19 @@ class Salvage:
 
 
 def said_again(known: Summary, record: Raw, records: Buffer) -> bool:
-    """Whether a schema or a channel is what the summary, which has a checksum, says again, and no longer than
-    what it says: behind it in a record whose length is wrong lie messages."""
+    """Whether a schema or a channel is what the summary, which has a checksum, says again, and byte for byte as
+    it is written: behind one whose own length is wrong lie messages, and a length in it that is wrong has
+    another reader take what follows for its text."""
     if record.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
         return True
     kind, again = (Schema, known.schemas) if record.opcode == Opcode.SCHEMA else (Channel, known.channels)
+    content = bytes(records[record.start : record.stop])
     try:
-        found = parse(kind, records[record.start : record.stop])
+        found = parse(kind, content)
     except DAMAGE:
         return False
-    size = len(record_bytes(found)) - RECORD_HEAD.size
-    return size == record.stop - record.start and all(one == found for one in again if one.id == found.id)
+    whole = record_bytes(found)[RECORD_HEAD.size :] == content
+    return whole and all(one == found for one in again if one.id == found.id)
 
 
 OTHER_RECORDS: dict[int, str] = {

@@ -151,8 +151,10 @@ def test_ten_thousand_bytes_changed(kind: str, logs: Callable[[str], bytes], tmp
     fuzz(kind, logs, tmp_path, range(100, 100 + 1667))
 
 
-@pytest.mark.parametrize("seed", [277, 991])
-def test_a_topics_name_without_a_checksum(seed: int, logs: Callable[[str], bytes], tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", [277, 991, 1597])
+def test_a_topic_or_a_length_without_a_checksum(
+    seed: int, logs: Callable[[str], bytes], tmp_path: Path
+) -> None:
     """Outside of chunks nothing seals it; the summary says it again."""
     fuzz("foreign without chunks", logs, tmp_path, range(seed, seed + 1))
 
