@@ -283,8 +283,8 @@ class Salvage:
 
 
 def said_again(known: Summary, record: Raw, records: Buffer) -> bool:
-    """Whether a schema or a channel is what the summary, which has a checksum, says again, and byte for byte as
-    it is written: behind one whose own length is wrong lie messages, and a length in it that is wrong has
+    """Whether a schema or a channel is what the summary, which has a checksum, says again, and byte for byte
+    as it is written: behind one whose own length is wrong lie messages, and a length in it that is wrong has
     another reader take what follows for its text."""
     if record.opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
         return True

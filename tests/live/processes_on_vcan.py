@@ -221,6 +221,7 @@ def test_ctrl_c_ends_a_run_with_its_log_whole(tmp_path):
     assert len(result.samples("RA"))
 
 
+@pytest.mark.slow  # tests/io/can_on_vcan.py has an interface that goes down under one node
 def test_an_interface_that_goes_down_ends_the_run_with_one_line(tmp_path):
     log = tmp_path / "run.mcap"
     went: list[bool] = []

@@ -168,6 +168,7 @@ def test_a_live_capture_reads_back(captured: Captured, name: str) -> None:
     assert {identifier for identifier, _ in extra} <= {0x100}
 
 
+@pytest.mark.slow
 @pytest.mark.faultloop_can("socketcan:vcan0")
 def test_the_users_breaker_among_processes(faultloop_bus: FaultloopBus) -> None:
     """Plant, relays and the other breaker are processes; this one is the user's."""
