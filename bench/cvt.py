@@ -2,11 +2,13 @@
 
     python bench/cvt.py [--circuits ideal,P1,P2,A1,A2] [--sir 0.5,1,5,10,18,30] [--at 0.1,0.3,0.5,0.7,0.9,1]
                         [--angles 12] [--kind none|ideal|cvt] [--burden 100] [--noise 0] [--zone mho|quad]
+                        [--types AG,BC,BCG,ABC] [--within MS] [--markdown]
 
 A 220 kV Bergeron line of 100 km with 80 km behind its far end, a source of SIR times the line, 8 degrees of
 load, bolted A-G, B-C, B-C-G and A-B-C, 1500 Hz low-pass.  ``--kind`` is what the relay is told of its VT:
 nothing, that it is ideal, or its circuit with 100 VA; ``--burden`` [VA] of the plant's circuit, which nobody
-tells it; ``--noise`` of the voltages, of their RMS.
+tells it; ``--noise`` of the voltages, of their RMS.  ``--within``: how many start within so many ms, and the
+slowest, in place of median and worst; ``--markdown``: a table for docs/relay.md.
 """
 
 from __future__ import annotations
@@ -98,6 +100,14 @@ def start_ms(relay: Relay, x: np.ndarray, begin: int) -> float:
     return math.nan
 
 
+def cell(times: np.ndarray, within: float) -> str:
+    """How many started, and how soon; or how many did in time."""
+    if within < math.inf:
+        return f"{(times <= within).sum()}/{len(times)} ({np.nanmax(times):.0f})"
+    started = times[~np.isnan(times)]
+    return f"{len(started)}" + (f" {np.median(started):.0f}/{started.max():.0f}" if len(started) else "")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--circuits", default="ideal,P1,P2,A1,A2")
@@ -109,25 +119,34 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=0.0)
     parser.add_argument("--zone", choices=("mho", "quad"), default="mho")
     parser.add_argument("--estimator", default="kalman-bank")
+    parser.add_argument("--types", default=",".join(TYPES))
+    parser.add_argument("--within", type=float, default=math.inf)
+    parser.add_argument("--markdown", action="store_true")
     given = parser.parse_args()
     rng = np.random.default_rng(1)
+    types, places = given.types.split(","), [float(at) for at in given.at.split(",")]
     print(f"told: {given.kind}; {given.zone}; {given.estimator}; {given.burden:g} VA; starts of"
-          f" {len(TYPES) * given.angles}: median/worst ms")  # fmt: skip
+          f" {len(types) * given.angles}: median/worst ms")  # fmt: skip
+    if given.markdown:
+        print("| circuit, SIR | " + " | ".join(f"{at:.0%}" for at in places) + " |")
+        print("|" + "---|" * (len(places) + 1))
     for circuit in given.circuits.split(","):
         for sir in map(float, given.sir.split(",")):
             cells = []
-            for at in map(float, given.at.split(",")):
+            for at in places:
                 times = []
-                for kind in TYPES:
+                for kind in types:
                     for k in range(given.angles):
                         x, begin = samples(circuit, sir, at, kind, 180.0 * k / given.angles, given.burden)
                         x[:, :3] += given.noise * 220e3 / math.sqrt(3) * rng.standard_normal((len(x), 3))
                         relay = Relay(settings(given.kind, given.zone, given.estimator, circuit))
                         times.append(start_ms(relay, x, begin))
-                t = np.array([t for t in times if t == t])
-                text = f" {np.median(t):.0f}/{t.max():.0f}" if len(t) else ""
-                cells.append(f"{at:g}: {len(t)}{text}")
-            print(f"{circuit:6s} SIR {sir:<4g} " + "  ".join(cells), flush=True)
+                cells.append(cell(np.array(times), given.within))
+            if given.markdown:
+                print(f"| {circuit}, {sir:g} | " + " | ".join(cells) + " |", flush=True)
+            else:
+                told = (f"{at:g}: {text}" for at, text in zip(places, cells, strict=True))
+                print(f"{circuit:6s} SIR {sir:<4g} " + "  ".join(told), flush=True)
 
 
 if __name__ == "__main__":

@@ -74,10 +74,9 @@ def _settings(file: Path) -> dict[str, Any]:
     settings = load_settings(file)
     code = _code(settings)
     if not code:
-        from faultloop.relay.estimators import make_estimator
+        from faultloop.relay.relay import estimator_of
 
-        own, estimator = settings.relay, settings.estimator
-        make_estimator(estimator.method, own.sampling_hz, own.frequency_hz, **estimator.parameters)
+        estimator_of(settings)
     return {
         "kind": "relay settings",
         "estimator": settings.estimator.method,

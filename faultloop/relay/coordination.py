@@ -1,8 +1,9 @@
 """Whether the distance zones of a settings file can protect together.
 
 Doubted, and told with the key and what would be right: a zone of a higher number that reaches less far, or
-trips sooner, than one of a lower number in the same direction and loops; a zone that reaches beyond the line
-and does not wait for the next line's protection; one that holds the load.  Each may be meant - by a study, or
+trips sooner, than one of a lower number in the same direction and loops; a zone that reaches beyond the line,
+or behind the relay, and does not wait for what protects there; a ground loop that measures next to nothing; a
+zone that holds the load.  Each may be meant - by a study, or
 by somebody who numbers zones in another way - so nothing is refused.  Only zones that trip count: one that
 starts a scheme may reach where it likes.
 """
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 
 SELECTIVE_MS = 100.0
 """Less than this and a zone does not wait for a fault beyond the line to be cleared there."""
+AT_MOST = 0.95
+"""Of the line: a zone without delay, as transformers and the line's data have errors of 5 %."""
+LEAST_OF_GROUND = 0.5
+"""Of its phase loops' reach: what a zone's ground loops reach at least."""
 CLEAR_OF_LOAD = 0.8
 """Of the load's impedance: a zone that reaches less far along it is clear of it."""
 SAME = 1e-3
@@ -120,16 +125,30 @@ def _out_of_order(near: Zone, far: Zone) -> Iterator[Doubt]:
 
 def _beyond(settings: RelaySettings) -> Iterator[Doubt]:
     for zone in settings.tripping_zones:
-        soonest = min(zone.delays)
-        if zone.table.direction == "reverse" or soonest >= SELECTIVE_MS:
+        soonest, ground = min(zone.delays), _along_ground(settings, zone)
+        key = f"{zone.key}.residual_compensation_factor"
+        if ground < LEAST_OF_GROUND * zone.along:
+            own = settings.residual_compensation_factor
+            what = f"lets the ground loops reach {ground:.3g} of the line, not {zone.along:.3g}"
+            yield Doubt(key, f"{what}; the line's own is [{own.real:.3g}, {own.imag:.3g}]")
+        if soonest >= SELECTIVE_MS:
             continue
-        text = f"of zone {zone.table.zone} trips after {soonest:g} ms for faults beyond the line"
-        right = "0.8 of the line is usual, or a delay of 300 ms, or a zone that is not in ptrc.zones"
-        if zone.along > 1.0:
-            yield Doubt(zone.reach_key, f"{zone.along:.3g} of the line {text}; {right}")
-        elif (ground := _along_ground(settings, zone)) > 1.0:
-            key = f"{zone.key}.residual_compensation_factor"
-            yield Doubt(key, f"lets the ground loops reach {ground:.3g} of the line, which {text}; {right}")
+        trips = f"of zone {zone.table.zone} trips after {soonest:g} ms for faults"
+        wait = "a delay of 300 ms, or a zone that is not in ptrc.zones"
+        if zone.table.direction == "reverse":
+            continue
+        right = f"0.8 of the line is usual, or {wait}"
+        if zone.along > AT_MOST:
+            error = "" if zone.along > 1.0 else ", with an error of 5 %"
+            yield Doubt(
+                zone.reach_key, f"{zone.along:.3g} of the line {trips} beyond the line{error}; {right}"
+            )
+        elif ground > 1.0:
+            what = f"lets the ground loops reach {ground:.3g} of the line, which {trips} beyond the line"
+            yield Doubt(key, f"{what}; {right}")
+        elif zone.table.direction == "none":
+            what = f'"none" {trips} behind the relay, too; "forward" is usual, or {wait}'
+            yield Doubt(f"{zone.key}.direction", what)
 
 
 def _along_ground(settings: RelaySettings, zone: Zone) -> float:

@@ -71,7 +71,7 @@ class Relay:
         self.settings = settings
         self.name = name
         self.inputs = RelayInputs()
-        self.estimator = _in_front(settings, estimator or _estimator(settings))
+        self.estimator = _in_front(settings, estimator or estimator_of(settings))
         self._elements = load_elements(settings)
         self.instances = layout.instances(settings, self._elements)
         self._constants = layout.constants(settings, self.estimator.settling_samples, self.instances)
@@ -307,7 +307,8 @@ def _in_front(settings: RelaySettings, estimator: Estimator) -> Estimator:
     return estimator if settings.inverse_vt is None else estimator_in_front(estimator, settings.inverse_vt)
 
 
-def _estimator(settings: RelaySettings) -> Estimator:
+def estimator_of(settings: RelaySettings) -> Estimator:
+    """The estimator that settings name.  Raises InputError, with their file and key."""
     wanted, header = settings.estimator, settings.relay
     rates = (header.sampling_hz, float(header.frequency_hz))
     try:

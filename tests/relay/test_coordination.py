@@ -89,6 +89,33 @@ def test_a_zone_beyond_the_line_that_does_not_wait_is_told(zone: dict[str, Any],
     assert "0.8 of the line is usual" in doubt.text
 
 
+@pytest.mark.parametrize(
+    ("zone", "told"),
+    [
+        (
+            {"reach_pu": 1.0},
+            "pdis[1].reach_pu: 1 of the line of zone 1 trips after 0 ms for faults beyond the line, with an "
+            "error of 5 %; 0.8 of the line is usual, or a delay of 300 ms, or a zone that is not in "
+            "ptrc.zones",
+        ),
+        (
+            {"direction": "none"},
+            'pdis[1].direction: "none" of zone 1 trips after 0 ms for faults behind the relay, too; '
+            '"forward" is usual, or a delay of 300 ms, or a zone that is not in ptrc.zones',
+        ),
+        (
+            {"residual_compensation_factor": [-1.0, 0.0]},
+            "pdis[1].residual_compensation_factor: lets the ground loops reach 0 of the line, not 0.85; the "
+            "line's own is [0.67, -0.033]",
+        ),
+    ],
+)
+def test_a_zone_that_errors_or_no_direction_make_unselective_is_told(zone: dict[str, Any], told: str) -> None:
+    (doubt,) = settings(ZONE1 | zone).doubts
+    assert f"{doubt.key}: {doubt.text}" == told
+    assert not settings(ZONE1 | zone | {"delay_ms": 300.0, "residual_compensation_factor": None}).doubts
+
+
 def test_a_zone_beyond_the_line_that_waits_or_does_not_trip_is_meant() -> None:
     assert not settings(ZONE1, ZONE2).doubts
     assert not settings(ZONE1, ZONE2 | {"delay_ms": 0.0}, ptrc={"zones": [1], "pilot_zone": 2}).doubts

@@ -21,7 +21,7 @@ where
 - it has been in the outer box for ``release_s``.
 
 Before a swing is found, a balanced state that still moves fast starts no zone, unless it began to by a leap
-that no swing makes: then it is a fault, whose estimate settles or rings.
+that no swing makes: then it is a fault, whose estimate settles or rings, and no swing is found in that.
 
 The swing is over ``hold_ms`` after the impedance has left the outer box.
 
@@ -56,13 +56,7 @@ if TYPE_CHECKING:
 
 QUIET, SWINGING, FAULT = range(3)
 UNBALANCED, JUMPED, STANDS, TOO_LONG = range(1, 5)
-CAUSES = (
-    "",
-    "I2 or I0",
-    "a jump",
-    "a loop that stands still",
-    "it has lasted too long",
-)
+CAUSES = ("", "I2 or I0", "a jump", "a loop that stands still", "it has lasted too long")
 ALL_ZONES = -1
 NO_TRIP, WAY_IN, WAY_OUT = range(3)
 STEADY = 0.6
@@ -76,7 +70,10 @@ RUSHING = 0.12
 by then."""
 LEAP, LEAP_CYCLES = 0.5, 2.5
 """Way of a quarter of a cycle in the first half cycle of a disturbance that is a fault's; so long from its
-beginning its rushing is none of a swing's.  Later one may have begun, by the fault's clearing."""
+beginning its motion is none of a swing's.  Later one may have begun, by the fault's clearing."""
+FAR, FAR_CYCLES = 0.05, 8
+"""Way of half a cycle outside the outer box in the first cycles of all: an estimator that settles to a
+frequency 5 Hz off makes 0.02, which would be a swing of 0.3 Hz."""
 STARTED, STARTED_WAY = 2, 0.2
 """Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less."""
 OPERATED_CYCLES = 5
@@ -213,7 +210,9 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
         w.leapt = 1
     bent = swing.bend(now, before, earlier)
     balanced = w.unbalanced == 0 and size2(q.sequence[4]) >= c.minimum**2
-    moves = balanced and w.speed >= c.least
+    settles = q.memory.seen <= FAR_CYCLES * g.cycle and not w.in_outer
+    least = max(c.least, FAR) if settles else c.least
+    moves = balanced and w.speed >= least
     steady = moves and bent <= STEADY * w.speed
     w.steady = w.steady + g.snapshot if steady else 0
     w.way = w.way + w.speed / lag if steady else 0.0
@@ -224,6 +223,12 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
         w.pace = older
     elif w.state == SWINGING and w.off == 0 and q.standing == 0:
         w.pace += 0.1 * (older - w.pace)
+
+
+@njit
+def leaps(g: Record, q: Record, w: Record) -> bool:
+    """Whether what moves is a fault's: it began with a leap, and not long ago."""
+    return w.leapt and q.disturbed and q.memory.age <= LEAP_CYCLES * g.cycle
 
 
 @njit
@@ -310,7 +315,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
             q.notices += 1
         elif w.outside > c.hold and w.steady == 0:
             end(g, q, w)
-    elif fresh and is_swing(c, q, w):
+    elif fresh and not (w.state == QUIET and leaps(g, q, w)) and is_swing(c, q, w):
         resume(g, w)
         w.pace = w.speed
         w.recent = c.hold
@@ -329,9 +334,8 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
 @njit
 def rushes(g: Record, q: Record, w: Record) -> bool:
     """Whether a balanced state moves as fast as a swing that has not been found yet."""
-    if w.leapt and q.memory.age <= LEAP_CYCLES * g.cycle:
-        return False
-    return w.in_outer and w.unbalanced == 0 and not q.was_started and 2 * w.quick > RUSHING
+    fast = w.in_outer and w.unbalanced == 0 and 2 * w.quick > RUSHING
+    return fast and not q.was_started and not leaps(g, q, w)
 
 
 @njit

@@ -8,9 +8,9 @@ from typing import Any
 from faultloop.config.campaign import Judge
 from faultloop.errors import InputError, nearest
 from faultloop.relay import RelaySettings
-from faultloop.relay.estimators import make_estimator
 from faultloop.relay.layout import instances
 from faultloop.relay.named_code import named_code
+from faultloop.relay.relay import estimator_of
 from faultloop.study.campaign.plan import Case, Plan
 from faultloop.study.campaign.where import where_of
 
@@ -55,7 +55,7 @@ class Estimators:
             own, estimator = settings.relay, settings.estimator
             told = repr((own.sampling_hz, own.frequency_hz, estimator))
             if told not in self._made and not any(named_code(settings)):
-                make_estimator(estimator.method, own.sampling_hz, own.frequency_hz, **estimator.parameters)
+                estimator_of(settings)
                 self._made.add(told)
 
 

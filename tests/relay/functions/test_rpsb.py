@@ -53,6 +53,14 @@ def test_no_zone_trips_in_a_stable_swing(hz: float, most: float) -> None:
     assert trips(relay(BOXES), x) == []
 
 
+@pytest.mark.parametrize("hz", [45.0, 54.0])
+@pytest.mark.parametrize("load", [-35.0, 25.0])
+def test_an_estimator_that_settles_off_the_nominal_frequency_is_no_swing(hz: float, load: float) -> None:
+    network, r = Network(frequency_hz=hz, angle_deg=load), relay(BOXES)
+    found = play(r, network.samples([(0.0, network.solve())], 0.25))
+    assert not [event.text for event in found if "swing" in event.text]
+
+
 @pytest.mark.parametrize(("trip", "slips", "before", "after"), [
     ("way-in", 1, 90.0, 180.0), ("way-out", 1, 180.0, 330.0), ("way-out", 2, 540.0, 690.0)
 ])  # fmt: skip
