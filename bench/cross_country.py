@@ -1,12 +1,12 @@
 """Two faults at two places, the second some milliseconds after the first: what zone 1 makes of them.
 
-    python bench/cross_country.py [--cases 400] [--seed 1] [--what on-line|outside]
+    python bench/cross_country.py [--cases 400] [--seed 1] [--what on-line|outside|beyond]
 
 Random networks X - A - B - C (sources of 0.1 to 30 times the line, load of -30 to 30 degrees, lines of 20 to
 150 km), a relay at A with a mho and a quadrilateral of 80 % of A - B, bolted faults that go on.  ``on-line``:
 the first behind the relay or beyond the line, the second on the line to 60 % in phases of which one at least
 was healthy; right is a start of zone 1 within 60 ms of the second, and none before it.  ``outside``: one
-behind, one beyond; right is none.  Cases that are not right are listed.
+behind, one beyond; ``beyond``: both beyond; right is none.  Cases that are not right are listed.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ def draw(seed: int, number: int, what: str) -> Case:
     sir, load = (ratio(), ratio()), float(rng.uniform(-30, 30))
     near, own, far = (float(x) for x in np.exp(rng.uniform(math.log(20), math.log(150), 3)))
     outside = ("XA", "BC") if rng.random() < 0.5 else ("BC", "XA")
-    place = (outside[0], "AB") if what == "on-line" else outside
+    place = {"on-line": (outside[0], "AB"), "outside": outside, "beyond": ("BC", "BC")}[what]
     at = float(rng.random()), float(rng.uniform(0.02, 0.6) if what == "on-line" else rng.random())
     while True:
         kind = str(rng.choice(TYPES)), str(rng.choice(TYPES))
-        if what == "outside" or set(kind[1]) - set(kind[0]) - {"G"}:
+        if what != "on-line" or set(kind[1]) - set(kind[0]) - {"G"}:
             break
     after, angle = float(rng.uniform(2, 60)), float(rng.uniform(0, 360))
     return Case(number, sir, load, (near, own, far), place, at, kind, after, angle)
@@ -135,14 +135,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--cases", type=int, default=400)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--what", choices=("on-line", "outside"), default="on-line")
+    parser.add_argument("--what", choices=("on-line", "outside", "beyond"), default="on-line")
     given = parser.parse_args()
     times = []
     for number in range(given.cases):
         case = draw(given.seed, number, given.what)
         t = start_ms(case)
         times.append(t)
-        if t == t if given.what == "outside" else not 0.0 < t < SOON_MS:
+        if t == t if given.what != "on-line" else not 0.0 < t < SOON_MS:
             print(f"{t:7.1f} ms", case, flush=True)
     t = np.array(times)
     early, late = int((t < 0).sum()), int((t >= SOON_MS).sum())

@@ -1,6 +1,6 @@
 """The six shared records, each played into a relay: what is known, what its own relay did, what ours did.
 
-    python bench/records.py [--records FOLDER] [--keep]
+    python bench/records.py [--records FOLDER] [--estimator METHOD] [--keep]
 
 Channels as `faultloop channels` finds them; settings of scenarios/settings.  What is known is what the README
 of the records says; the times of the record's relay are those of its digital channels.
@@ -121,10 +121,11 @@ def measured(log: Path, at_s: float) -> str:
     return f"B-C loop at {at_s:g} s {abs(z):.2f} ohm at {math.degrees(cmath.phase(z)):.0f} degrees"
 
 
-def played(record: Played, folder: Path, log: Path) -> tuple[str, str]:
+def played(record: Played, folder: Path, log: Path, estimator: str | None) -> tuple[str, str]:
     """Plays one: its title, and what came of it."""
     path = folder / record.folder / record.file
-    settings = load_settings(SETTINGS / f"{record.folder}.toml")
+    overrides = [] if estimator is None else [f'estimator.method="{estimator}"']
+    settings = load_settings(SETTINGS / f"{record.folder}.toml", overrides)
     settings = settings.model_copy(update=dict.fromkeys(record.without))
     result = faultloop.replay(path, settings, mapping=record.mapping, log=log)
     parts = []
@@ -138,9 +139,9 @@ def played(record: Played, folder: Path, log: Path) -> tuple[str, str]:
         parts.append(f"location {result.fault_location:.3f}")
     if record.folder.startswith("b-c"):
         parts.append(measured(log, 0.25))
-    title = (
-        f"Record {record.folder}, channels {record.why}. Known: {record.known}. Ours (the record's relay), s"
-    )
+    by = "" if estimator is None else f" by {estimator}"
+    title = f"Record {record.folder}{by}, channels {record.why}. Known: {record.known}."
+    title += " Ours (the record's relay), s"
     return title, "; ".join(parts)
 
 
@@ -149,13 +150,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--records", type=Path, default=os.environ.get("FAULTLOOP_RECORDS"))
+    parser.add_argument("--estimator", help="in place of the settings' own")
     parser.add_argument("--keep", action="store_true", help="leave the figures for docs/evidence.py")
     given = parser.parse_args()
     folder = Path(given.records or ROOT.parent / "shared" / "records")
     rows = []
     with tempfile.TemporaryDirectory() as temporary:
         for number, record in enumerate(RECORDS):
-            row = played(record, folder, Path(temporary) / f"{number}.mcap")
+            row = played(record, folder, Path(temporary) / f"{number}.mcap", given.estimator)
             rows.append(row)
             print(f"{row[0]}:\n    {row[1]}")
     if given.keep:

@@ -140,6 +140,7 @@ QUANTITIES = np.dtype(
         ("crossed", "i8"),  # PHS: the type is of the fault ahead, and there is another behind
         ("behind", "i8"),  # PHS: mask of phases whose own fault is behind
         ("from_behind", "i8"),  # PHS: mask of phases in which something behind has changed since the fault
+        ("both", "i8"),  # PHS: there are two faults ahead, and each loop counts by itself
         ("released", "i8"),  # PHS: mask of the loops that may start
         ("direction", "i8"),  # RDIR: 1 forward, -1 reverse, 0 unknown
         ("polarizing", "c16"),  # RDIR: positive-sequence polarizing voltage, while disturbed

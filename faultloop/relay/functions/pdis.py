@@ -291,7 +291,7 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
 @njit
 def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float) -> float:
     """m of the released loops, by `depth` or, with a ``doubt``, by `depth_in_time`; of three, the middle one
-    (two of three must be inside)."""
+    (two of three must be inside), unless there are two faults."""
     if c.direction != 0 and q.direction != c.direction:
         return OUTSIDE
     low, middle, high, count = OUTSIDE, OUTSIDE, OUTSIDE, 0
@@ -306,7 +306,7 @@ def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float) -> floa
             middle, high = m, middle
         elif m < high:
             high = m
-    return middle if count == 3 else low
+    return middle if count == 3 and not q.both else low
 
 
 @njit

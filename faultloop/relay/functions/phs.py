@@ -282,12 +282,26 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
 
 
 @njit
-def released(q: Record, fault: int) -> int:
-    """Mask of the loops that may start: those of the fault type, without dead poles and what is missing.
+def loops_of_both(first: int, second: int) -> int:
+    """Mask of the loops of two faults ahead, by their types.  The phases of the first are held by it, and of
+    a second one between them and others the change shows the others alone: so the pairs of a phase of the
+    first and one of the second count, too."""
+    mask = LOOP_MASK[first] | LOOP_MASK[second]
+    held = PHASES_OF_TYPE[first]
+    others = PHASES_OF_TYPE[second] & ~held
+    for pair in range(3):
+        one, other = 1 << pair, 1 << (pair + 1) % 3
+        if (held & one and others & other) or (held & other and others & one):
+            mask |= 8 << pair
+    return mask
+
+
+@njit
+def released(q: Record, mask: int) -> int:
+    """Of the loops that may start those without dead poles and what is missing.
 
     In the dead time of a single-pole trip a dead pole's loops see what the other phases induce.
     """
-    mask = LOOP_MASK[fault]
     if mask == 0:
         return 0
     return mask & ~loops_of(q.dead | q.missing | (7 & ~q.proven)) & ~blocked_loops(q)
@@ -308,7 +322,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     q.crossed = w.crossed
     q.behind = w.behind
     q.from_behind = w.from_behind
-    q.released = released(q, w.before) | released(q, w.also) if w.also else released(q, w.fault)
+    q.both = w.also != 0
+    q.released = released(q, loops_of_both(w.before, w.also) if w.also else LOOP_MASK[w.fault])
     indicate(q, c.bit, q.released)
 
 

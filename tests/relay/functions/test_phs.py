@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from faultloop.relay.functions.phs import PHS
+from faultloop.relay.functions.phs import PHS, loops_of_both
 from faultloop.relay.quantities import FAULTS, LOOPS
 from tests.relay.functions.kernel import Kernel
 from tests.relay.network import TYPES, Network
@@ -94,7 +94,7 @@ def test_a_second_fault_ahead_of_one_ahead_releases_both_ones_loops() -> None:
     k = second("AG", 1, "BG", 1)
     k.step(count=SIXTEENTH)
     assert (int(k.q["crossed"]), int(k.q["behind"])) == (0, 0)
-    assert int(k.q["released"]) == 1 << LOOPS.index("AG") | 1 << LOOPS.index("BG")
+    assert int(k.q["released"]) == sum(1 << LOOPS.index(loop) for loop in ("AG", "BG", "AB"))
 
 
 def test_what_changes_behind_holds_its_phases_back() -> None:
@@ -128,3 +128,18 @@ def test_a_fault_of_two_phases_of_which_one_is_behind_waits_for_a_cycle() -> Non
     assert k.q["fault"] == 0
     k.step()
     assert FAULTS[int(k.q["fault"])] in ("AB", "BC", "CA")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "loops"),
+    [
+        ("BG", "CG", {"BG", "CG", "BC"}),  # the second may be B-C, of which B is held
+        ("AG", "BC", {"AG", "BC", "AB", "CA"}),
+        ("AB", "AB", {"AB"}),
+        ("BC", "CA", {"BC", "CA", "AB"}),
+        ("ABC", "AG", {"AB", "BC", "CA", "AG"}),
+    ],
+)
+def test_of_two_faults_ahead_the_pairs_between_them_count(first: str, second: str, loops: set[str]) -> None:
+    mask = loops_of_both(FAULTS.index(first), FAULTS.index(second))
+    assert {loop for bit, loop in enumerate(LOOPS) if mask >> bit & 1} == loops
