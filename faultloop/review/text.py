@@ -45,6 +45,8 @@ LOOP_COLUMNS = (
 )
 BESIDE_COLUMNS = (">at", "record", ">until", "this relay")
 BESIDE_TRIPS = "Trips of the record's own relay beside this one [ms]"
+OPERATED = ("Op", "Tr", "OpIn", "OpEx")
+"""Data of what operated, of breaker failure, too."""
 MOST_BESIDE = 40
 """Of a record's digital channels, of which some have hundreds: trips by name, then what changed first."""
 TRIP_NAME = re.compile(r"\btr(i?p)?\b|trip|ausl|disp|d[ée]clen|откл|сраб|跳", re.IGNORECASE)
@@ -219,7 +221,7 @@ def beside_rows(summary: Summary) -> Rows:
     theirs = [(at, (_fixed(at, 2), name, until, "")) for at, name, until in kept]
     if not theirs:
         return []
-    kinds = ("Str", "Op", "Tr")
+    kinds = ("Str", *OPERATED)
     ours = [
         (element.first_ms, (_fixed(element.first_ms, 2), "", "", element.name.replace(".", " ")))
         for own in summary.relays.values()
@@ -235,7 +237,7 @@ def trips_beside(summary: Summary) -> Rows:
     """Of those rows the trips, the record's by their names and ours; none where the record has none."""
     rows = beside_rows(summary)
     theirs = [row for row in rows if row[1] and TRIP_NAME.search(row[1]) and not row[1].endswith(" off")]
-    ours = [row for row in rows if row[3].endswith((" Op", " Tr"))]
+    ours = [row for row in rows if row[3].rpartition(" ")[2] in OPERATED]
     return sorted(theirs + ours, key=lambda row: float(row[0])) if theirs else []
 
 

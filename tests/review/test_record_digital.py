@@ -16,7 +16,7 @@ from faultloop.loop.replay import replay
 from faultloop.review.facts import DigitalFacts
 from faultloop.review.rows import relay_rows
 from faultloop.review.summary import summarize
-from faultloop.review.text import beside_rows
+from faultloop.review.text import beside_rows, trips_beside
 from faultloop.review.view import DIGITAL_ROWS, relay_view
 from tests.review.review_logs import write_log
 
@@ -98,6 +98,8 @@ def test_the_records_relay_stands_beside_ours(log: Path, capsys: pytest.CaptureF
     for known_s in (0.980, 1.140):
         assert min(abs(t - known_s) for t in theirs) < 0.002
     assert sum(bool(row[1]) for row in rows) == 8
+    trips = trips_beside(summary)
+    assert {"IN1>2 Trip", "Bfail1 Trip 3ph"} <= {row[1] for row in trips if row[1]}
 
 
 def test_ours_stand_between_theirs(tmp_path: Path) -> None:
@@ -109,4 +111,6 @@ def test_ours_stand_between_theirs(tmp_path: Path) -> None:
     assert rows[0] == ("-5.00", "start", "3.00", "")
     told = [row[1] or row[3] for row in rows]
     assert told.index("PDIS1 Str") < told.index("trip") < len(told)
+    trips = [row[1] or row[3] for row in trips_beside(dataclasses.replace(summary, digital=channels))]
+    assert {"trip", "PDIS1 Op"} <= set(trips) and not {"start", "PDIS1 Str"} & set(trips)
     assert beside_rows(summary) == []
