@@ -8,7 +8,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -92,6 +92,7 @@ def _pair(value: tuple[float, float]) -> tuple[float, float]:
 Number = float
 """A finite number; TOML's 5 and 5.0 are the same, "5" is not a number."""
 Positive = Annotated[float, Field(gt=0)]
+Poles = Literal["A", "B", "C", "AB", "BC", "CA", "ABC"]
 NonNegative = Annotated[float, Field(ge=0)]
 Milliseconds = Annotated[float, Field(ge=0, le=1e7)]
 Seconds = Annotated[float, Field(ge=0, le=1e6)]

@@ -14,11 +14,9 @@ from faultloop.io.can.record import Record
 from faultloop.jit import njit
 from faultloop.nodes.clock import SECOND_NS
 from faultloop.nodes.node import Nodes
-from faultloop.nodes.sets import WAITING, microseconds
-from faultloop.nodes.time_sync import clock_us, has_time
+from faultloop.nodes.sets import CHANNEL, GLOBAL, NOT, WAITING, microseconds
+from faultloop.nodes.time_sync import clock_us, knows_time
 
-NOT, CHANNEL, GLOBAL = range(3)
-"""How a clock is synchronized: to a time that all have, to the other end, not at all."""
 US = 1e6
 
 
@@ -58,44 +56,48 @@ def synchronized(n: Record, c: Record, t_ns: int) -> int:
     """How a node's clock is synchronized."""
     if c.by_channel:
         return CHANNEL
-    if n.time.follows:
-        return GLOBAL if has_time(n.time, t_ns) else NOT
-    return GLOBAL if t_ns < n.clock_lost_ns else NOT
+    return GLOBAL if knows_time(n, t_ns) else NOT
 
 
 @njit
 def give_sets(nodes: Nodes, i: int, g: Record, q: Record, c: Record, w: Record) -> None:
-    """What the node has taken since, to the relay."""
+    """What the node has taken since, to the relay, and how well the ends are aligned."""
     n = nodes.node[i]
     w.remotes = min(n.sources, w.remote.shape[0])
-    sample_ns = q.number * SECOND_NS // np.int64(g.sampling)
-    own_us = clock_us(n, sample_ns)
-    lost = synchronized(n, c, sample_ns) == NOT
+    own_us = clock_us(n, q.number * SECOND_NS // np.int64(g.sampling))
     for k in range(w.remotes):
-        source = nodes.source[n.first_source + k]
+        source, far = nodes.source[n.first_source + k], w.remote[k]
         source.given = max(source.given, source.count - WAITING)
         while source.given < source.count:
             m = nodes.sets[n.first_source + k, source.given % WAITING]
-            take_set(g, q.number, own_us, c.per_cycle, w.remote[k], m)
-            out = lost or (not c.by_channel and m.state != GLOBAL)
-            w.out_of_time = w.out_of_time | 1 << k if out else w.out_of_time & ~(1 << k)
+            far.number = m.number
+            far.synchronized = m.state
+            far.transfers = far.transfers + 1 if m.alarms & TRANSFERS else 0
+            if m.state == NOT:
+                w.out_of_time |= 1 << k
+            else:
+                w.out_of_time &= ~(1 << k)
+                take_set(g, q.number, own_us, c.per_cycle, far, m)
             source.given += 1
+        far.ways_us, far.vary_us = 2 * source.half_us, source.vary_us
+        far.trip_us, far.clock_us = source.trip_us, source.clock_us
+        far.held = far.synchronized == CHANNEL and not c.by_channel
+        far.switches, far.jumps = source.switches, source.jumps
 
 
 @njit
 def take_set(g: Record, number: int, own_us: int, per_cycle: int, far: Record, m: Record) -> None:
     """One set of another end, to where its instant has its place; ``own_us`` is this end's clock at
     sample ``number``."""
-    late_us = microseconds(own_us - m.time)
+    far.late_us = microseconds(own_us - m.time)
     eighth_us = US / (per_cycle * g.frequency)
+    if far.late_us < -eighth_us * far.set.shape[0] / 2:
+        return  # of a time that is still to come
     # a set is of the first sample in its eighth of a cycle, up to a sample after that has begun
-    index = np.int64(np.rint((number * US / g.sampling - late_us - US / g.sampling / 2) / eighth_us))
+    index = np.int64(np.rint((number * US / g.sampling - far.late_us - US / g.sampling / 2) / eighth_us))
     # what was against the other clock, against this one's, and then against the samples' own time
     ahead_us = microseconds(own_us - np.int64(np.rint(number * US / g.sampling)) & 0xFFFFFFFF)
     turn = turn_of(g, 1e-6 * (m.values[6] + ahead_us))
-    far.number = m.number
-    far.synchronized = m.state
-    far.transfers = far.transfers + 1 if m.alarms & TRANSFERS else 0
     own = far.set[index % far.set.shape[0]]
     own.index = index
     own.valid = m.poles

@@ -46,7 +46,15 @@ from faultloop.nodes.goose import (
 from faultloop.nodes.refusals import Refusals, Report
 from faultloop.nodes.sets import NOTHING as NOTHING_YET
 from faultloop.nodes.sets import SOURCE, WAITING, accept_set, microseconds
-from faultloop.nodes.time_sync import MASTER, SLAVE, clock_us, hear_time, set_slave, tell_time
+from faultloop.nodes.time_sync import (
+    MASTER,
+    SLAVE,
+    clock_us,
+    hear_time,
+    knows_time,
+    set_slave,
+    tell_time,
+)
 
 MEASURED = 15
 """Values that a relay shows: phasors with their frequency (14), fault location."""
@@ -111,7 +119,7 @@ class Nodes(NamedTuple):
     sets: Records
     """(sources, WAITING) MESSAGE: what was taken from each"""
     sent_us: NDArray[np.int64]
-    """(n, 256) times of its sets, by their counter"""
+    """(n, 256) times of its sets, by their counter; NOTHING of those that it has not sent"""
 
 
 @njit
@@ -256,13 +264,11 @@ def _receive_set(nodes: Nodes, i: int, frame: Record, objection: int, t_ns: int,
         if source.number == (frame.id & 0xF):
             answer = -objection
             if objection == FINE:
-                now_us = clock_us(n, t_ns)
-                answer = accept_set(source, frame, t_ns, now_us, nodes.sent_us[i], m)
+                now_us, timed = clock_us(n, t_ns), knows_time(n, t_ns)
+                answer = accept_set(source, frame, t_ns, now_us, timed, nodes.sent_us[i], m)
             if answer < 0:
                 n.refused += 1
                 return answer
-            if answer != FINE:
-                return NOTHING
             nodes.sets[k, (source.count - 1) % WAITING] = m
             return TAKEN
     return NOTHING
@@ -343,7 +349,7 @@ class Node:
             np.zeros(1, MESSAGE),
             np.zeros(0, SOURCE) if sources is None else sources,
             np.zeros((0 if sources is None else len(sources), WAITING), MESSAGE),
-            np.zeros((1, 256), np.int64),
+            np.full((1, 256), NOTHING_YET),
         )
         self.place = 0
         """Its number among `nodes`."""
@@ -466,7 +472,7 @@ def joined(nodes: Sequence[Node]) -> Nodes:
         _gathered(MESSAGE, [part.own_set for part in parts]),
         _gathered(SOURCE, [part.source for part in parts]),
         np.zeros((sum(len(part.source) for part in parts), WAITING), MESSAGE),
-        np.zeros((len(parts), 256), np.int64),
+        np.full((len(parts), 256), NOTHING_YET),
     )
     publishers = subscribers = sources = 0
     for place, node in enumerate(nodes):
@@ -487,7 +493,7 @@ def replaced(whole: Nodes, place: int, node: Node) -> None:
     whole.subscribers[other : other + len(new.subscribers)] = new.subscribers
     whole.measured[place] = new.measured[0]
     third = int(old["first_source"][0])
-    whole.own_set[place] = new.own_set[0]
+    whole.own_set[place], whole.sent_us[place] = new.own_set[0], new.sent_us[0]
     whole.source[third : third + len(new.source)] = new.source
     old[:] = new.node
     old["first_publisher"], old["first_subscriber"], old["first_source"] = first, other, third

@@ -54,6 +54,7 @@ SLAVE = np.dtype(
         ("domain", "i8"),
         ("deaf_ns", "i8"),  # from then on it hears none
         ("sequence", "i8"),  # of the SYNC whose follow-up is awaited; NONE
+        ("last", "i8"),  # of the one that has set the clock last
         ("seconds", "i8"),  # that this one has told
         ("heard_ns", "i8"),
         ("stamp_ns", "i8"),  # the own clock at its end
@@ -132,6 +133,9 @@ def take_time(s: Record, m: Record, t_ns: int, clock_ns: int) -> int:
     if m.st_num != s.domain or t_ns >= s.deaf_ns:
         return FINE
     if m.page == SYNC:
+        awaits = m.counter == s.sequence and t_ns - s.heard_ns <= FOLLOWS_NS
+        if awaits or m.counter == s.last:
+            return SEQUENCE  # the same once more, later: it would put the time back by as much
         s.sequence, s.seconds, s.heard_ns = m.counter, m.time, t_ns
         s.stamp_ns = clock_ns + jitter(s)
         return FINE
@@ -142,7 +146,7 @@ def take_time(s: Record, m: Record, t_ns: int, clock_ns: int) -> int:
     if s.synced_ns != NONE and abs(offset_ns - s.offset_ns) > s.limit_ns and not _stands(s, offset_ns, t_ns):
         s.jumps += 1
         return JUMP
-    s.offset_ns, s.synced_ns, s.since_ns = offset_ns, t_ns, NONE
+    s.offset_ns, s.synced_ns, s.since_ns, s.last = offset_ns, t_ns, NONE, m.counter
     return FINE
 
 
@@ -159,6 +163,12 @@ def _stands(s: Record, offset_ns: int, t_ns: int) -> bool:
 def has_time(s: Record, t_ns: int) -> bool:
     """Whether the clock is that of all."""
     return s.synced_ns != NONE and s.since_ns == NONE and t_ns - s.synced_ns <= s.timeout_ns
+
+
+@njit
+def knows_time(n: Record, t_ns: int) -> bool:
+    """Whether a node's clock is that of all, whatever sets it."""
+    return has_time(n.time, t_ns) if n.time.follows else t_ns < n.clock_lost_ns
 
 
 @njit
@@ -214,6 +224,6 @@ def set_master(m: Records, table: TimeSync, seed: int) -> None:
 def set_slave(s: Records, table: TimeSync, seed: int, deaf_ns: int) -> None:
     """The same of a (1,) ``SLAVE``."""
     s["follows"], s["domain"], s["deaf_ns"] = 1, table.domain, deaf_ns
-    s["sequence"] = s["synced_ns"] = s["since_ns"] = NONE
+    s["sequence"] = s["last"] = s["synced_ns"] = s["since_ns"] = NONE
     s["timeout_ns"], s["limit_ns"] = round(table.timeout * 1e9), round(table.jump_us * 1e3)
     s["jitter_ns"], s["seed"] = table.jitter_us * 1e3, seed

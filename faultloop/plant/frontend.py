@@ -14,7 +14,7 @@ from faultloop.config.place import FrontEnd
 from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.plant.component import Component, PlantTables
-from faultloop.plant.ct import FLUX, Ct, Cts, ct_constants, ct_step, settle_ct
+from faultloop.plant.ct import FLUX, Ct, Cts, ct_constants, ct_step, open_circuits, open_step, settle_ct
 from faultloop.plant.vt import MODES, Vt, Vts, settle_vt, vt_constants, vt_step
 
 C = TypeVar("C", bound=Component)
@@ -34,6 +34,8 @@ class FrontEnds(NamedTuple):
     """(terms,) row of current"""
     sign: NDArray[np.float64]
     ct: Cts
+    opened: NDArray[np.int64]
+    """(circuits, 4) of current transformers that open (`faultloop.plant.ct.open_circuits`)"""
     vt: Vts
     stepped: NDArray[np.bool_]
     """(1,) whether any relay has a low-pass or a transformer that is not ideal, so that every step must be
@@ -72,6 +74,7 @@ def front_ends(
             rows = _butterworth(s, rate, f"relay[{owners[i].name}].front_end.antialias_hz")
             lowpass[i, : len(rows)] = rows
     sections = [s.antialias_order // 2 if s.antialias_hz else 0 for s in settings]
+    opened = open_circuits(_named(tables, "ct", Ct), rate)
     cts = ct_constants(_named(tables, "ct", Ct), float(tables.system.frequency_hz), rate)
     vts = vt_constants(_named(tables, "vt", Vt), float(tables.system.frequency_hz), rate)
     flat = [term for relay in terms for term in relay]
@@ -89,8 +92,9 @@ def front_ends(
         term=np.array([row for row, _ in flat], dtype=np.int64),
         sign=np.array([sign for _, sign in flat], dtype=np.float64),
         ct=cts,
+        opened=opened,
         vt=vts,
-        stepped=np.array([any(sections) or len(cts.relay) > 0 or len(vts.relay) > 0]),
+        stepped=np.array([any(sections) or len(cts.relay) > 0 or len(vts.relay) > 0 or len(opened) > 0]),
         lowpass=lowpass,
         sections=np.array(sections, dtype=np.int64),
         seed=seeds.astype(np.uint64),
@@ -205,9 +209,10 @@ def measure(
 
 
 @njit
-def transform(front: FrontEnds, state: Analog, x: NDArray[np.float64]) -> None:
+def transform(front: FrontEnds, state: Analog, step: int, x: NDArray[np.float64]) -> None:
     """One step of everything that remembers, in place."""
     ct_step(front.ct, state.ct, x)
+    open_step(front.opened, step, x)
     vt_step(front.vt, state.vt, x)
     lowpass(front, state.lowpass, x)
 

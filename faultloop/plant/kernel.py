@@ -220,7 +220,7 @@ def arrive(
     switch_currents(net.switch_bus, factor.switch, state.v, state.switch_current)
     measure(front, state.v, state.current, state.measured)
     if front.stepped[0]:
-        transform(front, state.analog, state.measured)
+        transform(front, state.analog, clock[STEP], state.measured)
     if clock[STEP] % clock[PER_SAMPLE] == 0:
         convert(front, clock[STEP] // clock[PER_SAMPLE], state.measured, samples[clock[ROW]])
         clock[ROW] += 1

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar, Literal, Self
 
-from faultloop.config.tables import Name, Seconds
+from faultloop.config.tables import Name, Poles, Seconds
 from faultloop.plant.breaker import Breaker
 from faultloop.plant.component import Component, PlantTables
 from faultloop.plant.elements.switch import Action
 from faultloop.plant.network import Model
 from faultloop.plant.steady import Steady
-
-Poles = Literal["A", "B", "C", "AB", "BC", "CA", "ABC"]
 
 
 class Switching(Component):

@@ -2,12 +2,14 @@
 
 A fault outside changes the currents of all ends, and their sum stays.  A fault inside changes the current of
 every end that carries any, and the sum.  A current transformer's circuit that opens takes one current of one
-end away, and changes nothing else.
+end away, or all three, and changes nothing else.
 """
 
 from __future__ import annotations
 
 from typing import Any
+
+import numpy as np
 
 from faultloop.jit import njit
 from faultloop.relay.memory import size2
@@ -32,6 +34,8 @@ ALONE = 0.1
 """Of the fall: the change of any other current of the line."""
 THROUGH = 0.5
 """Of what flowed before: what the other ends did not carry on; nothing is known of a line open at one end."""
+FILTER = 9
+"""Sets that the full-cycle filter takes to show all of a current that is there again, and one."""
 
 
 @njit
@@ -73,19 +77,8 @@ def watch_outside(c: Record, w: Record, ends: int) -> None:
 
 
 @njit
-def others_change(w: Record, phase: int, end: int, ends: int) -> bool:
-    """Whether another current of the line has changed beside this one."""
-    limit2 = ALONE**2 * size2(w.change[phase, end])
-    for p in range(3):
-        for k in range(ends):
-            if (p != phase or k != end) and size2(w.change[p, k]) > limit2:
-                return True
-    return False
-
-
-@njit
-def opens(c: Record, w: Record, phase: int, end: int, ends: int) -> bool:
-    """Whether this current falls towards zero by itself."""
+def falls(c: Record, w: Record, phase: int, end: int, ends: int) -> bool:
+    """Whether this current falls straight towards zero."""
     before, change = w.before[phase, end], w.change[phase, end]
     had2 = size2(before)
     if had2 < (CARRIES * c.rule[0].pickup) ** 2 or size2(change) < FALLS**2 * had2:
@@ -96,20 +89,36 @@ def opens(c: Record, w: Record, phase: int, end: int, ends: int) -> bool:
     if size2(total) > THROUGH**2 * had2:
         return False
     part = change * before.conjugate()
-    if part.real >= 0.0 or abs(part.imag) > -STRAIGHT * part.real or -part.real > 1.1 * had2:
-        return False
-    return not others_change(w, phase, end, ends)
+    return part.real < 0.0 and abs(part.imag) <= -STRAIGHT * part.real and -part.real <= 1.1 * had2
+
+
+@njit
+def opening(c: Record, w: Record, end: int, ends: int) -> int:
+    """Mask of the phases whose current falls by itself at an end: no other current of the line changes."""
+    found, least2 = 0, np.inf
+    for phase in range(3):
+        if falls(c, w, phase, end, ends):
+            found |= 1 << phase
+            least2 = min(least2, size2(w.change[phase, end]))
+    for phase in range(3):
+        for k in range(ends):
+            own = k == end and ((found | w.opened[end]) >> phase) & 1
+            if not own and size2(w.change[phase, k]) > ALONE**2 * least2:
+                return 0
+    return found
 
 
 @njit
 def watch_circuits(c: Record, w: Record, ends: int) -> None:
-    """Keeps ``w.opened``, the phases whose current an end has lost: until it has one again."""
+    """Keeps ``w.opened``, the phases whose current an end has lost: until all of a cycle has one again."""
     least2 = (CARRIES * c.rule[0].pickup) ** 2
     for end in range(ends):
+        found = opening(c, w, end, ends)
         for phase in range(3):
-            now = w.before[phase, end] + w.change[phase, end]
-            stays = (w.opened[end] >> phase) & 1 and size2(now) < least2
-            if stays or opens(c, w, phase, end, ends):
+            has = size2(w.before[phase, end] + w.change[phase, end]) >= least2
+            w.back[end, phase] = w.back[end, phase] + 1 if has else 0
+            stays = (w.opened[end] >> phase) & 1 and w.back[end, phase] <= FILTER
+            if stays or (found >> phase) & 1:
                 w.opened[end] |= 1 << phase
             else:
                 w.opened[end] &= ~(1 << phase)

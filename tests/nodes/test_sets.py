@@ -107,6 +107,7 @@ def test_of_three_ends_each_is_told_in_turn_when_its_set_was_heard() -> None:
     """Whom a set answers is in it: an end takes no other's round trip for its own."""
     by_channel = HASH | 1 << 16
     at = RelayNode(0, 0, [1, 2], 1.0, 0.0, linked=[1, 2], agreement=by_channel)
+    at.nodes.sent_us[0, 0] = 0  # of what it has not sent nobody can have heard
     for ms in range(0, 40, 5):
         for other in (1, 2):  # 1 hears of 0 in its sets, 2 only of 1
             frame = set_at(ms, relay=other, whom=other - 1, heard=0, ago=2000)

@@ -151,7 +151,9 @@ def test_a_time_that_jumps_is_refused_until_it_has_stood() -> None:
     assert hears.rejected[Rejection.JUMP] >= 3
 
 
-@pytest.mark.parametrize("kind", ["replayed", "follow-up of another", "other domain", "corrupted", "lost"])
+@pytest.mark.parametrize(
+    "kind", ["replayed", "again", "follow-up of another", "other domain", "corrupted", "lost"]
+)
 def test_what_is_not_the_masters_sets_no_clock(kind: str) -> None:
     old: list[Frame] = []
 
@@ -163,6 +165,8 @@ def test_what_is_not_the_masters_sets_no_clock(kind: str) -> None:
             return [frame]
         if kind == "replayed":  # a whole pair of a while ago, after the true follow-up
             return [frame, old[0], old[1]] if message.follow_up else [frame]
+        if kind == "again":  # the same SYNC, before its follow-up, and the follow-up, too
+            return [frame, frame]
         if kind == "follow-up of another":
             return [frame, message._replace(sequence=(message.sequence + 5) % 16).encode()]
         if kind == "other domain":
@@ -182,6 +186,7 @@ def test_what_is_not_the_masters_sets_no_clock(kind: str) -> None:
     assert max(worst[4:]) < 50 * (0.2 if kind == "lost" else 0.1) * 1.1 + 1
     refused = {
         "replayed": Rejection.JUMP,
+        "again": Rejection.SEQUENCE,
         "corrupted": Rejection.CRC,
         "follow-up of another": Rejection.SEQUENCE,
     }

@@ -2,17 +2,19 @@
 
 Eight times a cycle each end measures its currents by a full-cycle Fourier filter, the same at all ends
 whatever the distance part uses (what an adaptive estimator adds it adds at each end at its own moment, and it
-does not cancel: false by thousands of amperes), takes half of what the line charges from them, and sends them
-with their time.  Where the sets of all ends for one instant are there, the rules decide
+does not cancel: false by thousands of amperes), takes its share of what the line charges from them, and sends
+them with their time.  Where the sets of all ends for one instant are there, the rules decide
 (`faultloop.relay.differential`): each phase, and the negative- and zero-sequence currents of the ends, which
 load does not weaken.
 
+- How well the ends are aligned is measured with every set (`faultloop.nodes.sets`): where ways differ, delays
+  vary, or the time is lost and the channel stands in for it (`time_lost`), the rules are the harder ones.
 - A trip needs `confirm` sets in a row.  A set that is missing is not guessed: two are passed over, after more
   the count begins anew.
 - When the currents change while their sum stays below a tenth of that, the fault is outside; for `external_s`
   the rules are harder, three times as many sets are needed, and the sequence elements rest.
 - A current that is missing (open CT) takes its phase out at every end (`faultloop.relay.changes`).  Charging
-  is taken off with the voltage of this end; an end that has none says so, and the other takes its half, too.
+  is taken off with the voltage of this end; an end that has none says so, and the others take its share, too.
 - Each set says by which rule it is meant (a hash of what both ends must agree on); a set of another
   line, or of other settings, is refused before it gets here, and so is one that is old, or twice there.
 - A trip is told to the others, which then trip, too (`transfer`): an end that has all currents decides.
@@ -23,7 +25,6 @@ from __future__ import annotations
 import json
 import math
 from binascii import crc_hqx
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -34,7 +35,7 @@ from faultloop.config.tables import Milliseconds, NonNegative, Positive, Seconds
 from faultloop.jit import njit
 from faultloop.relay.changes import watch_circuits, watch_outside
 from faultloop.relay.differential import RULE, operates
-from faultloop.relay.events import Event, Names
+from faultloop.relay.far_ends import BRIDGED, tell
 from faultloop.relay.functions.function import Function
 from faultloop.relay.functions.psch import type_of
 from faultloop.relay.memory import A2, A
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 
 PER_CYCLE = 8
 """Sets in a cycle."""
-SLOTS = 16
+SLOTS = BRIDGED * PER_CYCLE
 """Sets that are kept: two cycles, and so the longest delay that is bridged."""
 REMOTES = 2
 NO_SET = -1
@@ -64,7 +65,7 @@ SET = np.dtype(
         ("valid", "i8"),  # mask of phases
         ("bare", "i8"),  # 1: charging is not taken off
         ("i", "c16", (3,)),
-        ("charging", "c16", (3,)),  # of half the line, own sets only
+        ("charging", "c16", (3,)),  # of this end's share of the line, own sets only
     ],
     align=True,
 )
@@ -73,6 +74,14 @@ REMOTE = np.dtype(
         ("number", "i8"),  # of the relay; in the order of the node's sources
         ("transfers", "i8"),  # sets in a row that say that this end shall trip
         ("synchronized", "i8"),
+        ("held", "i8"),  # 1: the time is lost, and the channel stands in for it
+        ("switches", "i8"),  # other paths, and clocks that have jumped
+        ("jumps", "i8"),
+        ("ways_us", "f8"),  # by how much the way there takes longer than the way here
+        ("vary_us", "f8"),  # mean deviation of the round trip
+        ("trip_us", "f8"),
+        ("clock_us", "f8"),  # its clock against this one's
+        ("late_us", "f8"),  # the last set
         ("set", SET, (SLOTS,)),
     ],
     align=True,
@@ -121,6 +130,11 @@ class Pdif(Table):
     """Of the line; what both ends are told must be the same."""
     alignment: Literal["global", "channel"] = "global"
     """By a time that all ends have, or by the channel's round trip: both ways are taken for equally long."""
+    time_lost: Literal["block", "hold"] = "block"
+    """Where an end has lost the time of all: out, or on by the round trip with the ways' difference of
+    before."""
+    asymmetry_ms: Milliseconds = 1.5
+    """Ways that differ by more, and delays that vary so much, are told, and the rules are the harder ones."""
     channel_alarm_ms: Milliseconds = 100.0
     """So long without a set of an end before ``ChBlk`` is told."""
 
@@ -133,27 +147,29 @@ class Pdif(Table):
 
 AGREED = (
     "pickup_a", "characteristic", "alpha_ratio", "alpha_angle_deg", "slope1", "slope2", "knee_a",
-    "negative_a", "zero_a", "sequence", "confirm", "open_ct", "alignment", "b1_us", "b0_us", "transfer",
-    "identification",
+    "negative_a", "zero_a", "sequence", "confirm", "open_ct", "alignment", "time_lost", "b1_us", "b0_us",
+    "transfer", "identification",
 )  # fmt: skip
 """What all ends must have alike."""
 
 
-BY_CHANNEL = 1 << 16
+BY_CHANNEL, HOLDS = 1 << 16, 1 << 17
 
 
 def agreement(settings: RelaySettings) -> int:
-    """Hash of what all ends must have alike, 16 bits, with `BY_CHANNEL` where that aligns; 0: no table."""
+    """Hash of what all ends must have alike, 16 bits, with `BY_CHANNEL` where that aligns, `HOLDS` where it
+    does while the time is lost; 0: no table."""
     table = settings.pdif
     if table is None:
         return 0
     said = [getattr(table, key) for key in AGREED] + [settings.relay.frequency_hz, settings.relay.ohms]
     own = crc_hqx(json.dumps(said).encode(), 0xFFFF) or 1
-    return own | (BY_CHANNEL if table.alignment == "channel" else 0)
+    own |= BY_CHANNEL if table.alignment == "channel" else 0
+    return own | (HOLDS if table.time_lost == "hold" else 0)
 
 
 def values(settings: RelaySettings, table: Pdif) -> dict[str, Any]:
-    """The rules in primary amperes; times in samples and sets; half the line's susceptances [S]."""
+    """The rules in primary amperes; times in samples and sets; the line's susceptances [S]."""
     pickup = settings.amperes(table.pickup_a, 0.0)
     common = {
         "alpha": table.characteristic == "alpha",
@@ -175,11 +191,12 @@ def values(settings: RelaySettings, table: Pdif) -> dict[str, Any]:
         "confirm": table.confirm,
         "external": settings.samples(table.external_s * 1e3),
         "open_blocks": table.open_ct == "block",
-        "b1": table.b1_us * 1e-6 / 2,
-        "b0": table.b0_us * 1e-6 / 2,
+        "b1": table.b1_us * 1e-6,
+        "b0": table.b0_us * 1e-6,
         "transfer": table.transfer,
         "per_cycle": PER_CYCLE,
         "by_channel": table.alignment == "channel",
+        "asymmetry_us": table.asymmetry_ms * 1e3,
         "channel_alarm": settings.samples(table.channel_alarm_ms),
         "hash": agreement(settings) & 0xFFFF,
     }
@@ -213,9 +230,10 @@ def measure(g: Record, q: Record, c: Record, w: Record, index: int) -> None:
     if charges:
         va, vb, vc = fourier(g, q, 0, turn), fourier(g, q, 1, turn), fourier(g, q, 2, turn)
         v0 = (va + vb + vc) / 3
-        own.charging[0] = 1j * (c.b1 * (va - v0) + c.b0 * v0)
-        own.charging[1] = 1j * (c.b1 * (vb - v0) + c.b0 * v0)
-        own.charging[2] = 1j * (c.b1 * (vc - v0) + c.b0 * v0)
+        share = 1j / (1 + max(w.remotes, 1))  # half of it, of three ends a third
+        own.charging[0] = share * (c.b1 * (va - v0) + c.b0 * v0)
+        own.charging[1] = share * (c.b1 * (vb - v0) + c.b0 * v0)
+        own.charging[2] = share * (c.b1 * (vc - v0) + c.b0 * v0)
     for phase in range(3):
         own.i[phase] = fourier(g, q, 3 + phase, turn)
         if charges and not own.bare:
@@ -287,17 +305,17 @@ def judge(c: Record, w: Record, index: int) -> None:
     valid = w.own[index % SLOTS].valid & ~w.opened[0]
     for k in range(w.remotes):
         valid &= w.remote[k].set[index % SLOTS].valid & ~w.opened[1 + k]
-    secure = w.external > 0
+    outside, secure = w.external > 0, w.external > 0 or w.harder != 0
     for phase in range(3):
         gathered(c, w, index, phase, w.currents)
-        outside = (valid >> phase) & 1 and operates(c.rule[0], w.currents, n, secure)
-        w.count[phase] = w.count[phase] + 1 if outside else 0
+        beyond = (valid >> phase) & 1 and operates(c.rule[0], w.currents, n, secure)
+        w.count[phase] = w.count[phase] + 1 if beyond else 0
     for which in range(1, 3):
-        outside = False
-        if c.sequence and valid == 7 and not secure:
+        beyond = False
+        if c.sequence and valid == 7 and not outside:
             more = sequence_of(c, w, index, which, w.currents, w.first)
-            outside = more and operates(c.rule[which], w.currents, n, False)
-        w.count[2 + which] = w.count[2 + which] + 1 if outside else 0
+            beyond = more and operates(c.rule[which], w.currents, n, secure)
+        w.count[2 + which] = w.count[2 + which] + 1 if beyond else 0
     w.last = index
     w.age = 0
 
@@ -310,6 +328,21 @@ def reset(w: Record) -> None:
 
 
 @njit
+def watch_ways(q: Record, c: Record, w: Record) -> None:
+    """Keeps ``w.harder``: whether the ends are aligned well enough for the rules as they are set."""
+    harder, found = 0, 0
+    limit_us = 0.9 * c.asymmetry_us if w.harder else c.asymmetry_us
+    for k in range(w.remotes):
+        far = w.remote[k]
+        found += far.switches + far.jumps
+        if far.held or abs(far.ways_us) > limit_us or 2.0 * far.vary_us > limit_us:
+            harder = 1
+    if harder != w.harder or found != w.found:
+        q.notices += 1
+    w.harder, w.found = harder, found
+
+
+@njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample; before the trip logic."""
     index = (q.number * PER_CYCLE) * np.int64(g.frequency) // np.int64(g.sampling)
@@ -319,6 +352,9 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         q.phasors += 1  # and so it is sent
     if w.external > 0:
         w.external -= 1
+        if w.external == 0:
+            reset(w)  # fewer sets make a trip from now on
+    watch_ways(q, c, w)
     blocked = w.out_of_time != 0
     # sets of the past that have become complete, in their order
     first = max(w.last + 1, w.index - SLOTS + 1)
@@ -328,7 +364,9 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
                 reset(w)
             judge(c, w, k)
     w.age += 1
-    if w.age * PER_CYCLE > (LOST_SETS + 1) * g.cycle or blocked:
+    if (
+        w.age > 2 * g.cycle or blocked
+    ):  # sets that are late come, some at once; those that are lost count above
         reset(w)
     poles = 0
     needed = 3 * c.confirm if w.external > 0 else c.confirm
@@ -363,15 +401,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         opened |= w.opened[1 + k]
     indicate(q, c.bit + 5, opened != 0 or (7 & ~w.own[w.index % SLOTS].valid) != 0)
     indicate(q, c.bit + 6, told != 0)
-
-
-def tell(names: Names, was: Any, now: Any) -> Iterator[Event]:
-    """Sets that do not come."""
-    if now["losses"] != was["losses"]:
-        text = (
-            "PDIF1 ChBlk: no currents of the other end at the same time; the function is out, zones are not"
-        )
-        yield Event(names.sample, "warning", text)
+    indicate(q, c.bit + 7, w.harder != 0)
 
 
 def _no_sets() -> NDArray[np.void]:
@@ -399,6 +429,7 @@ PDIF = Function(
         ("transfer", "i8"),
         ("per_cycle", "i8"),  # for who hands the sets over
         ("by_channel", "i8"),
+        ("asymmetry_us", "f8"),
         ("channel_alarm", "i8"),
         ("hash", "i8"),
     ),
@@ -411,12 +442,15 @@ PDIF = Function(
         ("declared", "i8"),
         ("remotes", "i8"),
         ("out_of_time", "i8"),  # mask of the other ends with which there is no common time
+        ("harder", "i8"),  # 1: the ends are not aligned well enough for the rules as they are set
+        ("found", "i8"),  # paths and clocks that have changed
         ("trips", "i8"),
         ("silent", "i8"),
         ("losses", "i8"),
         ("count", "i8", (5,)),  # sets in a row outside the restraint: phases, negative, zero sequence
         ("jump", "i8", (3,)),  # 1: outside, 2: inside, while the currents are changed
         ("opened", "i8", (1 + REMOTES,)),  # masks of the phases whose current an end has lost, its own first
+        ("back", "i8", (1 + REMOTES, 3)),  # sets for which such a phase has a current again
         ("past_index", "i8", (PER_CYCLE,)),  # of the complete set of an eighth of a cycle ...
         ("past", "c16", (3, PER_CYCLE, 1 + REMOTES)),  # ... its currents, one after the other
         ("before", "c16", (3, 1 + REMOTES)),  # those of a cycle ago
@@ -433,6 +467,6 @@ PDIF = Function(
         "own": _no_sets(),
         "remote": _no_remotes(),
     },
-    bits=("", "NgOp", "ResOp", "ExtFlt", "ChBlk", "OpnCT", "RxTr"),
+    bits=("", "NgOp", "ResOp", "ExtFlt", "ChBlk", "OpnCT", "RxTr", "ChAsym"),
     tell=tell,
 )

@@ -121,6 +121,35 @@ def saturation(quick: bool) -> Iterator[Case]:
                         yield Case(f"{name}, then inside", made(second), set_, {"RA": then, "RB": then})
 
 
+def open_circuit(quick: bool) -> Iterator[Case]:
+    """A current transformer's circuit at B opens under load, below and above the pickup, one phase or all."""
+    transformer = {"name": "C", "ratio": [1000.0, 1.0], "open_at_s": 0.1}
+    told = Expected(False, event="PDIF1 OpnCT")
+    whole = 14.0 + 20.0 + abs(Z1) * (LENGTH_KM + BEYOND_KM) / LENGTH_KM
+    for amperes in (150.0, 800.0):
+        half = math.asin(amperes * whole * math.sqrt(3) / (2e3 * BASE_KV))
+        for phases in ("A",) if quick else ("A", "BC", "ABC"):
+            for more, expected in (
+                ({}, told),
+                ({"open_ct": "trip"}, Expected(amperes > PICKUP_A)),
+                ({"characteristic": "percentage"}, told),
+            ):
+                tables = on_line(
+                    duration_s=0.3, ct=[transformer | {"open_phases": phases, "open_for_s": 0.1}]
+                )
+                tables["source"][0]["angle_deg"] = 2 * math.degrees(half)
+                tables["relay"][1]["ct"] = "C"
+                name = f"{phases} open and whole again, load of {amperes:g} A, {more or 'as shipped'}"
+                yield Case(
+                    name, tables, differential(sequence=False, **more), {"RA": expected, "RB": expected}
+                )
+    opened = on_line(duration_s=0.3, ct=[transformer], fault=[fault("AB", 0.5, "BC", start_s=0.2)])
+    opened["relay"][1]["ct"] = "C"
+    opened["ct"][0]["open_phases"] = "A"
+    late = Expected(True, "PDIF1", 170.0, 135.0)
+    yield Case("A open, then BC inside", opened, differential(), {"RA": late, "RB": late})
+
+
 def resistance(quick: bool) -> Iterator[Case]:
     """A-G through a resistance in the middle, under load: which element sees it."""
     seen = Expected(True, "PDIF1", 60.0)
@@ -234,6 +263,7 @@ def channel(quick: bool) -> Iterator[Case]:
             {"delay_ms": 5.0, "switch_at_s": [0.15], "switch_delay_ms": [12.0], "switch_asymmetry_ms": [2.0]},
             by_channel,
         ),
+        ("jitter 5 ms", {"delay_ms": 5.0, "jitter_ms": 5.0}, by_channel),
     ):
         yield Case(f"{name}, load", on_line(channel=keys, duration_s=0.5), own, NOBODY)
         yield Case(f"{name}, A-G inside", on_line(channel=keys, duration_s=0.5, fault=inside), own, later)
@@ -245,6 +275,16 @@ def channel(quick: bool) -> Iterator[Case]:
     near = {name: Expected(True, "PDIS1", 20.0, event="PDIF1 ChBlk: no currents") for name in ("RA", "RB")}
     gone = on_line(channel={"out_at_s": 0.1}, duration_s=0.5, fault=inside)
     yield Case("out, A-G inside: zones, and an alarm", gone, differential(zones=True), near)
+    late = Expected(False, event="of 40 that are bridged")
+    yield Case("60 ms, load: too late, and told", on_line(channel={"delay_ms": 60.0}, duration_s=0.4),
+               differential(), {"RA": late, "RB": late})  # fmt: skip
+    switch = {"delay_ms": 5.0, "switch_at_s": [0.15], "switch_delay_ms": [12.0], "switch_asymmetry_ms": [4.0]}
+    found = Expected(False, event="PDIF1 ChAsym: of the ways")
+    yield Case("path 5 to 12 ms, ways that differ by 4 ms, load: told, harder rules",
+               on_line(channel=switch, duration_s=0.5), by_channel, {"RA": found, "RB": found})  # fmt: skip
+    ways = on_line(channel={"delay_ms": 6.0, "asymmetry_ms": 4.0}, duration_s=0.3)
+    yield Case("ways that differ by 4 ms, by the time of all, load: told", ways, differential(),
+               {"RA": found, "RB": found})  # fmt: skip
     wrong = on_line(channel={"misrouted": "RB", "misrouted_at_s": 0.1}, duration_s=0.5, fault=inside)
     yield Case("this end's own sets come back", wrong, differential(zones=True), {"RB": near["RB"]})
     for lost in (0.1, 0.2):
@@ -252,6 +292,19 @@ def channel(quick: bool) -> Iterator[Case]:
         told = Expected(False, event="PDIF1 ChBlk: no currents")
         tables = on_line(clock=clock, duration_s=0.5)
         yield Case(f"time lost at {lost:g} s, load", tables, differential(), {"RA": told, "RB": told})
+    held = Expected(False, event="the round trip stands in for it")
+    lost_ways = {"delay_ms": 6.0, "asymmetry_ms": 3.0}
+    clock = [{"node": "RB", "drift_ppm": 500.0, "lost_at_s": 0.15}]
+    own = differential(time_lost="hold")
+    tables = on_line(channel=lost_ways, clock=clock, duration_s=0.6)
+    yield Case("time lost, held by the round trip, load", tables, own, {"RA": held, "RB": held})
+    tables = on_line(channel=lost_ways, clock=clock, duration_s=0.6, fault=inside)
+    yield Case("the same, A-G inside", tables, own, later)
+    wrong_clock = [{"node": "RB", "offset_us": 8000.0}]
+    refused = Expected(False, event="PDIF1 ChBlk: no currents")
+    yield Case("a clock that is wrong by 8 ms and not known to be, BC behind B",
+               on_line(clock=wrong_clock, duration_s=0.3, fault=[fault("BC", 0.1, "BC", start_s=0.2)]),
+               differential(), {"RA": refused, "RB": refused})  # fmt: skip
     apart = [{"node": "RB", "drift_ppm": 50.0, "offset_us": 123456.0, "lost_at_s": 0.0}]
     yield Case("clocks 123 ms apart, 50 ppm, by the round trip, load", on_line(clock=apart, duration_s=0.5),
                by_channel, NOBODY)  # fmt: skip
@@ -309,6 +362,7 @@ PARTS: dict[str, tuple[str, Callable[[bool], Iterator[Case]]]] = {
     "internal": ("Faults on the line", internal),
     "external": ("Faults outside", external),
     "saturation": ("A current transformer that saturates", saturation),
+    "open-ct": ("A current transformer whose circuit opens", open_circuit),
     "resistance": ("Resistance, under load", resistance),
     "charging": ("What the line charges", charging),
     "one-end": ("One end alone, and faults that grow", one_end),
