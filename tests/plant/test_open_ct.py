@@ -67,11 +67,11 @@ def test_what_begins_later_has_what_is_left_of_it() -> None:
 @pytest.mark.parametrize(
     ("keys", "key", "what"),
     [
-        ({"open_phases": "A"}, "ct[0]", "open_for_s and open_phases need open_at_s"),
+        ({"open_phases": "A"}, "ct[C]", "open_for_s and open_phases need open_at_s"),
         ({"open_at_s": 0.1}, "ct[C].open_at_s", "0.1 is not before the end of the run (duration_s = 0.1)"),
         (
             {"open_at_s": 0.0, "open_phases": "AC"},
-            "ct[0].open_phases",
+            "ct[C].open_phases",
             "must be one of 'A', 'B', 'C', 'AB', 'BC', 'CA' or 'ABC', not 'AC'",
         ),
     ],
