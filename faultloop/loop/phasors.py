@@ -71,6 +71,7 @@ def give_sets(nodes: Nodes, i: int, g: Record, q: Record, c: Record, w: Record) 
         while source.given < source.count:
             m = nodes.sets[n.first_source + k, source.given % WAITING]
             far.number = m.number
+            far.since = 0
             far.synchronized = m.state
             far.transfers = far.transfers + 1 if m.alarms & TRANSFERS else 0
             if m.state == NOT:
@@ -81,7 +82,9 @@ def give_sets(nodes: Nodes, i: int, g: Record, q: Record, c: Record, w: Record) 
             source.given += 1
         far.ways_us, far.vary_us = 2 * source.half_us, source.vary_us
         far.trip_us, far.clock_us = source.trip_us, source.clock_us
-        far.held = far.synchronized == CHANNEL and not c.by_channel
+        held = far.synchronized == CHANNEL and not c.by_channel
+        far.holds += held and not far.held
+        far.held = held
         far.switches, far.jumps = source.switches, source.jumps
 
 

@@ -26,16 +26,17 @@ def tell(names: Names, was: Any, now: Any) -> Iterator[Event]:
                 f"PDIF1: the clock here or of {who} has jumped, they differ by {far['clock_us'] / 1e3:.2f} ms"
             )
             yield Event(names.sample, "warning", text)
-    if now["harder"] and not was["harder"]:
+        if far["holds"] > before["holds"]:
+            text = f"PDIF1 ChAsym: this end or {who} has lost the time, and the round trip stands in for it"
+            yield Event(names.sample, "warning", f"{text}; the rules are the harder ones")
+    if now["harder"] and not was["harder"] and not any(now["remote"]["held"]):
         yield Event(names.sample, "warning", f"PDIF1 ChAsym: {doubts(now)}; the rules are the harder ones")
 
 
 def doubts(now: Any) -> str:
-    """Why the ends are not aligned well enough."""
-    far = max(now["remote"], key=lambda one: (one["held"], max(abs(one["ways_us"]), 2 * one["vary_us"])))
+    """Which ways differ or vary most."""
+    far = max(now["remote"], key=lambda one: max(abs(one["ways_us"]), 2 * one["vary_us"]))
     who = f"relay number {far['number']}"
-    if far["held"]:
-        return f"this end or {who} has lost the time, and the round trip stands in for it"
     ways, vary = abs(far["ways_us"]) / 1e3, 2 * far["vary_us"] / 1e3
     return f"of the ways to {who} and back one takes {ways:.2f} ms longer, and they vary by {vary:.2f} ms"
 

@@ -339,3 +339,12 @@ def test_a_fault_inside_that_takes_a_current_away_is_no_open_circuit(left: float
     load = 1000 * TURN, -1000 * TURN
     fault = 1000 * TURN * [left, 1, 1], -1000 * TURN + [3000, 0, 0]
     assert run(ends, load, samples=600, then=[(480, fault)]) == [True, True]
+
+
+def test_a_transferred_trip_that_is_not_said_any_more_is_over() -> None:
+    """The far end's sets say that it trips; then its channel is silent."""
+    ends = End(0, characteristic="alpha"), End(1)
+    fault = (1000 * TURN, [800, *(-1000 * TURN[1:])])
+    assert run(ends, fault, samples=400, lost=lambda number, to: number > 25) == [True, True]
+    assert int(ends[0].w["remote"]["transfers"][0, 0]) >= 2
+    assert not ends[0].trips

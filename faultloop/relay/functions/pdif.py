@@ -74,7 +74,9 @@ REMOTE = np.dtype(
         ("number", "i8"),  # of the relay; in the order of the node's sources
         ("transfers", "i8"),  # sets in a row that say that this end shall trip
         ("synchronized", "i8"),
+        ("since", "i8"),  # samples since its last set
         ("held", "i8"),  # 1: the time is lost, and the channel stands in for it
+        ("holds", "i8"),  # how often that has begun
         ("switches", "i8"),  # other paths, and clocks that have jumped
         ("jumps", "i8"),
         ("ways_us", "f8"),  # by how much the way there takes longer than the way here
@@ -224,7 +226,7 @@ def measure(g: Record, q: Record, c: Record, w: Record, index: int) -> None:
     turn = complex(math.cos(angle), math.sin(angle))
     own = w.own[index % SLOTS]
     own.index = index
-    own.valid = 7 & ~q.missing
+    own.valid = 7 & ~q.missing if c.open_blocks else 7
     own.bare = 1 if q.fuse_failure else 0
     charges = c.b1 > 0.0
     if charges:
@@ -334,7 +336,7 @@ def watch_ways(q: Record, c: Record, w: Record) -> None:
     limit_us = 0.9 * c.asymmetry_us if w.harder else c.asymmetry_us
     for k in range(w.remotes):
         far = w.remote[k]
-        found += far.switches + far.jumps
+        found += far.switches + far.jumps + far.holds
         if far.held or abs(far.ways_us) > limit_us or 2.0 * far.vary_us > limit_us:
             harder = 1
     if harder != w.harder or found != w.found:
@@ -363,6 +365,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
             if k > w.last + 1 + LOST_SETS:
                 reset(w)
             judge(c, w, k)
+    if q.number == 0:
+        w.age, w.silent = 0, 0  # before the run there was no other end
     w.age += 1
     if (
         w.age > 2 * g.cycle or blocked
@@ -379,7 +383,9 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     zero = w.count[4] >= max(c.sequence_sets, needed)
     told = 0
     for k in range(w.remotes):
-        if w.remote[k].transfers >= 2:
+        far = w.remote[k]
+        far.since += 1
+        if far.transfers >= 2 and far.since <= 2 * g.cycle:  # what is not said any more is over
             told = 7
     if poles:
         request_trip(q, c.bit, type_of(poles), 0)
