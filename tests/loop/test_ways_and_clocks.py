@@ -166,7 +166,7 @@ def test_a_clock_that_jumps_and_takes_itself_for_right(time_lost: str) -> None:
 def test_three_ends_take_off_a_third_each() -> None:
     """What a line charges is taken off once, whatever the number of its ends."""
 
-    keys = {"b1_us": 300.0, "b0_us": 200.0}
+    keys: dict[str, Any] = {"b1_us": 300.0, "b0_us": 200.0}
     for remotes, share in ((1, 2), (2, 3)):
         end = End(0, **keys)
         end.w["remotes"] = remotes

@@ -129,11 +129,12 @@ def open_circuit(quick: bool) -> Iterator[Case]:
     for amperes in (150.0, 800.0):
         half = math.asin(amperes * whole * math.sqrt(3) / (2e3 * BASE_KV))
         for phases in ("A",) if quick else ("A", "BC", "ABC"):
-            for more, expected in (
+            kinds: tuple[tuple[dict[str, Any], Expected], ...] = (
                 ({}, told),
                 ({"open_ct": "trip"}, Expected(amperes > PICKUP_A)),
                 ({"characteristic": "percentage"}, told),
-            ):
+            )
+            for more, expected in kinds:
                 tables = on_line(
                     duration_s=0.3, ct=[transformer | {"open_phases": phases, "open_for_s": 0.1}]
                 )
