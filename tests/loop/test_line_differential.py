@@ -345,6 +345,6 @@ def test_a_transferred_trip_that_is_not_said_any_more_is_over() -> None:
     """The far end's sets say that it trips; then its channel is silent."""
     ends = End(0, characteristic="alpha"), End(1)
     fault = (1000 * TURN, [800, *(-1000 * TURN[1:])])
-    assert run(ends, fault, samples=400, lost=lambda number, to: number > 25) == [True, True]
+    assert run(ends, fault, samples=560, lost=lambda number, to: number > 25) == [True, True]
     assert int(ends[0].w["remote"]["transfers"][0, 0]) >= 2
     assert not ends[0].trips

@@ -72,7 +72,7 @@ def test_what_begins_later_has_what_is_left_of_it() -> None:
         (
             {"open_at_s": 0.0, "open_phases": "AC"},
             "ct[C].open_phases",
-            "must be one of 'A', 'B', 'C', 'AB', 'BC', 'CA' or 'ABC', not 'AC'",
+            "input should be 'A', 'B', 'C', 'AB', 'BC', 'CA' or 'ABC', not 'AC'",
         ),
     ],
 )
