@@ -74,7 +74,9 @@ def foxglove(log: Log) -> dict[str, Any]:
     """A tab for each relay - waves, magnitudes, states, R-X plane - and one for events and frames."""
     tabs = [{"title": relay, "content": _relay_tab(log, relay)} for relay in log.relays]
     told = [_log_panel(topic) for topic in log.topics if topic.endswith("/events")]
-    tabs.append({"title": "events", "content": _split([*told, _raw("/can")])})
+    frames = [_raw(topic) for topic in log.topics if topic == "/can"]  # none in a replay's log
+    if told or frames:
+        tabs.append({"title": "events", "content": _split([*told, *frames])})
     return {"version": 1, "content": {"type": "tabs", "selectedTabIndex": 0, "tabs": tabs}}
 
 

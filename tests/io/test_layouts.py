@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from mcap_protobuf.reader import read_protobuf_messages
 
 from faultloop.cli import call
 from faultloop.errors import InputError
+from faultloop.io.layouts import foxglove
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.review.rows import relay_rows
@@ -184,3 +188,15 @@ def test_a_log_that_cannot_be_run_again_says_so(log: Log, capsys: Capture) -> No
     assert call(["diff", str(log.path), "--again"]) == 2
     told = f"faultloop: {log.path}: has no attachment scenario.toml: it cannot be run again\n"
     assert capsys.readouterr().err == told
+
+
+def test_no_panel_is_of_a_topic_that_the_log_has_not(make_arrays: Callable[..., Any], tmp_path: Path) -> None:
+    """A replay's log has no frames."""
+    with LogWriter(tmp_path / "r.mcap", START_NS) as out:
+        out.add_relay("R1", ["PDIS1"])
+        out.relay_block("R1", *make_arrays(100))
+    log = open_log(tmp_path / "r.mcap")
+    text = json.dumps(foxglove(log))
+    assert '"/can"' not in text
+    named = set(re.findall(r'"topic(?:Path|ToRender)": "([^"]*)"', text))
+    assert named <= set(log.topics)
