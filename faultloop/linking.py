@@ -15,12 +15,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
-from numba.core import config, registry, sigutils, types
+from numba.core import config as numba_config
+from numba.core import registry, sigutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.environment import lookup_environment
 
 Dispatcher: Any = registry.CPUDispatcher
+config: Any = numba_config
 ENVIRONMENT = "_ZN08NumbaEnv"
 """How numba begins the names of variables that hold a function's environment."""
 OURS = "_ZN9faultloop"
