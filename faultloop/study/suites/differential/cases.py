@@ -140,7 +140,8 @@ def open_circuit(quick: bool) -> Iterator[Case]:
                 )
                 tables["source"][0]["angle_deg"] = 2 * math.degrees(half)
                 tables["relay"][1]["ct"] = "C"
-                name = f"{phases} open and whole again, load of {amperes:g} A, {more or 'as shipped'}"
+                said = ", ".join(f"{key} = {value}" for key, value in more.items()) or "as shipped"
+                name = f"{phases} open and whole again, load of {amperes:g} A, {said}"
                 yield Case(
                     name, tables, differential(sequence=False, **more), {"RA": expected, "RB": expected}
                 )
