@@ -23,6 +23,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+import tempfile
 import time
 from collections import Counter
 from functools import partial
@@ -185,7 +186,27 @@ def breaker(rng: np.random.Generator, method: str) -> tuple[str, float]:
     return ("false back-trip" if ordered else "right" if reset_ms <= RESET_MS else "late reset"), reset_ms
 
 
+ELEMENT = """
+from numba import njit
+
+@njit
+def step(state, x, out):  # a voltage that is low for 20 ms
+    low = x[0] * x[0] + x[1] * x[1] < 8e4**2
+    state[0] = state[0] + 1.0 if low else 0.0
+    out[0] = 1.0 if low else 0.0
+    out[1] = 1.0 if state[0] > 96.0 else 0.0
+"""
+
+
 def cost(method: str) -> None:
+    """The chain without and with every other function, and with a user's beside them."""
+    with tempfile.TemporaryDirectory() as folder:
+        own = Path(folder) / "own.py"
+        own.write_text(ELEMENT, encoding="utf-8")
+        _cost(method, {"name": "OWN1", "function": f"{own}:step", "state": [0.0]})
+
+
+def _cost(method: str, element: dict[str, Any]) -> None:
     network = Network()
     load = network.samples([(0.0, network.solve())], 10.0)
     load += np.random.default_rng(1).normal(0, 1, load.shape) * ([50.0] * 3 + [1.0] * 3)
@@ -193,6 +214,7 @@ def cost(method: str) -> None:
     rows = (
         (f"{method}, none", method, {}),
         (f"{method}, all", method, ALL),
+        ("and a user's", method, ALL | {"element": [element]}),
         ("fourier, none", "fourier", {}),
     )
     for name, estimator, tables in rows:
@@ -205,7 +227,8 @@ def cost(method: str) -> None:
             spans.append((time.process_time() - started) / len(load) * 1e6)
         figures[name] = float(np.median(spans))
         print(f"{name:20s} {figures[name]:6.2f} us a sample (best {min(spans):.2f})")
-    print(f"all over fourier's: {figures[f'{method}, all'] / figures['fourier, none']:.2f}")
+    for name in (f"{method}, all", "and a user's"):
+        print(f"{name}, over fourier's: {figures[name] / figures['fourier, none']:.2f}")
 
 
 KINDS = {
