@@ -52,11 +52,12 @@ def opened(
 @pytest.mark.parametrize("offset", [0.0, 1.0])
 @pytest.mark.parametrize("left", [0.0, 0.5, -0.5])
 @pytest.mark.parametrize("tau_s", [0.03, 0.1])
+@pytest.mark.parametrize("step_deg", [120, pytest.param(30, marks=pytest.mark.slow)])
 def test_the_detector_resets_within_15_ms_with_subsidence_too(
-    rms: float, offset: float, left: float, tau_s: float
+    rms: float, offset: float, left: float, tau_s: float, step_deg: int
 ) -> None:
     """At every angle of the beginning; and it does not reset while the current flows."""
-    for angle in np.radians(range(0, 360, 30)):
+    for angle in np.radians(range(0, 360, step_deg)):
         wave, zero = opened(current(rms, 0.14, offset, 0.05, angle), left, tau_s)
         on = run(Kernel(RBRF, TABLE | {"backup_ms": 1000.0}), wave) & 1
         assert on[2 * CYCLE : zero - CYCLE // 4].all(), "it flows"
