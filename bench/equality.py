@@ -1,6 +1,6 @@
 """A campaign's row, its case, `run` and the log of `run` say the same: random scenarios of all kinds.
 
-    python bench/equality.py [CASES] [--seed N] [--first N] [--rows N]
+    python bench/equality.py [CASES] [--seed N] [--first N] [--rows N] [--seconds S]
 
 Each scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept
 from the runs before, and by `Cases`.  Trips, faults, events (of one instant in any order), positions,
@@ -15,6 +15,7 @@ import argparse
 import copy
 import math
 import tempfile
+import time
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -272,12 +273,15 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--rows", type=int, default=2)
+    parser.add_argument("--seconds", type=float, default=math.inf)
     options = parser.parse_args()
-    kept, tripped = Cases(), Counter[int]()
+    kept, tripped, until_s = Cases(), Counter[int](), time.monotonic() + options.seconds
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         prepare(folder)
         for number in range(options.first, options.first + options.cases):
+            if time.monotonic() > until_s:
+                break
             scenario, settings = draw(number, options.seed, folder)
             found = differences(scenario, settings, kept, folder)
             if options.rows:
@@ -287,9 +291,10 @@ def main() -> int:
                 return 3
             tripped[len(faultloop.open_log(folder / "case.mcap").trips)] += 1  # of the last that was run
     told = ", ".join(f"{count} with {trips} trips" for trips, count in sorted(tripped.items()))
-    rows = options.cases * options.rows
+    done = tripped.total()
+    rows = done * options.rows
     print(
-        f"{options.cases} scenarios, seed {options.seed}: log, run and case are the same, and {rows} rows of"
+        f"{done} scenarios, seed {options.seed}: log, run and case are the same, and {rows} rows of"
         f" campaigns are what run and log say; of the last logs {told}"
     )
     return 0
