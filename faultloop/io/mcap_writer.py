@@ -62,13 +62,16 @@ class RelayRows:
         self.counts = np.empty(1024, np.uint64)
         shapes = [shape for message in SAMPLED for shape in BLOCK_SHAPES[message]]
         self.values = [np.empty((1024, *shape), np.float64 if shape else np.uint64) for shape in shapes]
+        self._tails = [array.shape[1:] for array in (self.t_ns, self.counts, *self.values)]
+        self._rows, self._shapes = -1, [()]  # of the last block: mostly the next is as long
 
     def append(self, *block: np.ndarray) -> None:
         """Copies a block of n rows: t_ns, counts, samples, phasors, loops, pickup, operate."""
         rows = len(block[0])
-        own = (self.t_ns, self.counts, *self.values)
-        if [array.shape for array in block] != [(rows, *array.shape[1:]) for array in own]:
-            wanted = " ".join(str(("n", *array.shape[1:])).replace("'", "") for array in own)
+        if rows != self._rows:
+            self._rows, self._shapes = rows, [(rows, *tail) for tail in self._tails]
+        if [array.shape for array in block] != self._shapes:
+            wanted = " ".join(str(("n", *tail)).replace("'", "") for tail in self._tails)
             raise ValueError(f"a block needs {wanted}; these are {[array.shape for array in block]}")
         stop = self.held + rows
         if stop > len(self.t_ns):
