@@ -7,7 +7,7 @@ inception (from the start of the run where there is none).  A value that the log
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from faultloop.io.messages import CHANNELS
 
@@ -34,7 +34,7 @@ def as_json(value: Any) -> Any:
 class Told:
     """What is printed as JSON: its schema has what the fields say of themselves."""
 
-    __pydantic_config__ = {"use_attribute_docstrings": True}  # noqa: RUF012
+    __pydantic_config__: ClassVar[dict[str, bool]] = {"use_attribute_docstrings": True}
 
 
 @dataclass(frozen=True)
