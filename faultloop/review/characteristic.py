@@ -137,13 +137,17 @@ def _fault_currents(g: Any, q: Any, x: Complexes, loop: int, i: complex) -> tupl
 
 
 def remembered(known: Retraced, t_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(n, 10) at these times, in order; NaN where there is no disturbance."""
+    """(n, 10) at these times, in order; NaN where there is no disturbance.  Of what is not kept at every
+    sample the one before stands."""
     out = np.full((len(t_ns), REMEMBERED), np.nan)
     if not len(known.t_ns) or not len(t_ns):
         return out
-    place = np.searchsorted(known.t_ns, t_ns).clip(max=len(known.t_ns) - 1)
+    place = (np.searchsorted(known.t_ns, t_ns, side="right") - 1).clip(min=0)
     q = known.shared[place]
-    rows = np.flatnonzero((known.t_ns[place] == t_ns) & (q["disturbed"] > 0) & (q["fuse_failure"] == 0))
+    lasts_ns = (known.step - 1) * 1e9 / known.settings.relay.sampling_hz
+    old_ns = t_ns - known.t_ns[place]
+    stands = (old_ns >= 0) & (old_ns <= lasts_ns + 0.5)
+    rows = np.flatnonzero(stands & (q["disturbed"] > 0) & (q["fuse_failure"] == 0))
     q = q[rows]
     holds = q["age"] <= int(known.constants["shared"]["memory"])
     polarizing: Complexes = q["polarizing"]

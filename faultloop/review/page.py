@@ -55,7 +55,7 @@ A by a sample (with Shift ten), b puts B there. Times count from {zero}.</p>
 {lanes}"""
 STATIC = "Zones as set: what polarizes them then is not known from this log"
 DYNAMIC = "Zones as they are at A with what polarizes them then (solid), and as set (dashed)"
-MOST_SAMPLES = 1_000_000
+MOST_SAMPLES = 10_000_000
 SECONDARY = '<button id="secondary" aria-pressed="false">secondary values</button>'
 RELAY = """<section class="relay" data-relay="{place}"><h2>{name}</h2>
 <div class="plots" role="group" aria-label="waves of {name}"></div>

@@ -20,18 +20,20 @@ from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, State
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import ELEMENTS, LOOP_IMPEDANCES, PHASORS, POLES, SAMPLED_VALUES, values
+from faultloop.io.messages import CAN_FRAME, ELEMENTS, LOOP_IMPEDANCES, PHASORS, POLES, SAMPLED_VALUES, values
 from faultloop.loop.recorded import recorded_scenario
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import history, measured
 from faultloop.relay import Relay, RelayInputs, RelaySettings
-from faultloop.relay.explain import Retrace
 from faultloop.relay.layout import Instance
 from faultloop.relay.quantities import WIDE
 from faultloop.review.far_sets import COMPARED, FarSets
+from faultloop.review.retrace_run import RetraceRun
 
 NEEDED = (SAMPLED_VALUES, PHASORS, LOOP_IMPEDANCES, ELEMENTS)
 ALL_POLES = 7
+BESIDE_NS = 100_000_000
+"""How far the clock of the parallel line's relay may be off."""
 RECORD = "record"
 BUS_SIDE = ("RSYN", "RREC")
 """Functions that take the voltages of the breaker's other side, which no log has."""
@@ -53,6 +55,7 @@ class Retraced:
     differs_ns, differs : first sample, and bit, at which this relay decides otherwise than the log says; None
         where it never does.
     compared : (m,) `faultloop.review.far_sets.COMPARED` of a line differential.
+    step : 1 where every such sample is there; else one in so many is, long after each change.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Retraced:
     differs_ns: int | None
     differs: str | None
     compared: NDArray[np.void]
+    step: int = 1
 
 
 def retrace(log: Log, name: str) -> Retraced:
@@ -86,48 +90,56 @@ def _retrace(log: Log, name: str) -> Retraced:
                 f"has no {topic}: what the relay knew cannot be told; {_again(log)}", file=log.path
             )
     relay, scenario = _relay(log, name), _scenario(log)
-    run = Retrace(relay)
+    far = FarSets(log, scenario, relay) if relay.settings.pdif is not None and scenario is not None else None
+    run = RetraceRun(relay, far)
     parallel = None
     if scenario is not None:
         place = [one.name for one in scenario.relay].index(name)
         parallel = scenario.relay[place].parallel
         before = measured(scenario, history(scenario))[place]
         relay.warm_up(np.ascontiguousarray(before[:, :6]) if parallel is None else _one_side(before))
-    samples, phasors, loops, elements = (log.array(m.topic_for(name)) for m in NEEDED)
-    t_ns = samples["t_ns"]
-    if not (len(t_ns) == len(phasors) == len(loops) == len(elements)) or not len(t_ns):
-        raise InputError(f"samples, phasors, loops and elements of {name} are not as many", file=log.path)
-    numbers = samples["sample_count"].astype(np.int64)
-    inputs = _inputs(log, name, relay, elements)
-    rows = values(samples) if parallel is None else _with_parallel(log, samples, parallel)
-    compares = relay.settings.pdif is not None
-    far = FarSets(log, scenario, relay) if compares and scenario is not None else None
-    pieces = np.split(np.arange(len(t_ns)), np.flatnonzero(np.diff(numbers) != 1) + 1)
-    for count, piece in enumerate(pieces):
-        part = slice(int(piece[0]), int(piece[-1]) + 1)
-        if count:
-            run.restart()
-        turned = np.array(values(phasors[part]), order="C")
-        if scenario is None:
-            turned[:, :12].view(np.complex128)[...] *= _turn(relay, int(numbers[part.start]))
-        run.run(
-            int(numbers[part.start]),
-            np.ascontiguousarray(rows[part]),
-            turned,
-            np.ascontiguousarray(values(loops[part])),
-            inputs[part],
-            None if far is None else far.give,
-        )
-    logged = np.stack([elements["pickup"], elements["operate"]], axis=1)
-    shared, zones = run.shared, run.zones
-    place = np.searchsorted(numbers, shared["number"])
-    differs_ns, differs = _first_difference(log, name, relay, t_ns, run.words, logged)
-    if differs_ns is not None:
-        at = f"{differs_ns / 1e6:.3f} ms of the log on ({differs})"
+    heard = _Heard(log, relay)
+    differs, next_number, turn = None, None, 1.0 + 0.0j
+    for span in log.windows():
+        samples, phasors, loops, elements = (log.array(m.topic_for(name), *span) for m in NEEDED)
+        if not len(samples) == len(phasors) == len(loops) == len(elements):
+            raise InputError(f"samples, phasors, loops and elements of {name} are not as many", file=log.path)
+        if not len(samples):
+            continue
+        t_ns, numbers = samples["t_ns"], samples["sample_count"].astype(np.int64)
+        inputs = heard.inputs(elements)
+        rows = values(samples) if parallel is None else _with_parallel(log, samples, parallel)
+        words = np.zeros((len(t_ns), 2), np.uint64)
+        pieces = np.split(np.arange(len(t_ns)), np.flatnonzero(np.diff(numbers) != 1) + 1)
+        for piece in pieces:
+            part, first = slice(int(piece[0]), int(piece[-1]) + 1), int(numbers[piece[0]])
+            if first != next_number:
+                if next_number is not None:
+                    run.restart()
+                turn = _turn(relay, first) if scenario is None else turn
+            turned = np.array(values(phasors[part]), order="C")
+            turned[:, :12].view(np.complex128)[...] *= turn
+            given = (np.ascontiguousarray(rows[part]), turned, np.ascontiguousarray(values(loops[part])))
+            words[part] = run.take(first, given, inputs[part], t_ns[part])
+            next_number = first + len(piece)
+        differs = differs or _first_difference(log, name, relay, t_ns, words, elements)
+    if next_number is None:
+        raise InputError(f"there are no samples of {name}", file=log.path)
+    _warn(log, name, differs, run.kept.step)
+    kept, compared = run.kept, np.zeros(0, COMPARED) if far is None else far.compared
+    differs_ns, bit = differs or (None, None)
+    args = (name, relay.settings, relay.instances, run.constants, kept.t_ns, kept.shared, kept.zones)
+    return Retraced(*args, differs_ns, bit, compared, kept.step)
+
+
+def _warn(log: Log, name: str, differs: tuple[int, str] | None, step: int) -> None:
+    if differs is not None:
+        at = f"{differs[0] / 1e6:.3f} ms of the log on ({differs[1]})"
         what = f"{name}: run once more, this version's relay decides otherwise from {at}: what is told is of "
         log.warn(f"{what}this version; {_again(log)}")
-    args = (name, relay.settings, relay.instances, run.constants, t_ns[place], shared, zones)
-    return Retraced(*args, differs_ns, differs, np.zeros(0, COMPARED) if far is None else far.compared)
+    if step > 1:
+        what = f"{name}: there is so much to explain that long after each change "
+        log.warn(f"{what}one in {step} samples is looked at")
 
 
 def _one_side(rows: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -143,7 +155,8 @@ def _with_parallel(log: Log, samples: np.ndarray, parallel: str) -> NDArray[np.f
     if topic not in log.topics:
         what = f"has no {topic}, whose residual current the relay measures, too; {_again(log)}"
         raise InputError(what, file=log.path)
-    other = log.array(topic)
+    near = (int(samples["t_ns"][0]) - BESIDE_NS, int(samples["t_ns"][-1]) + BESIDE_NS)
+    other = log.array(topic, *near)
     wide = np.full((len(samples), WIDE), np.nan)
     wide[:, :6] = values(samples)
     place = np.searchsorted(other["sample_count"], samples["sample_count"])
@@ -195,30 +208,39 @@ def _turn(relay: Relay, number: int) -> complex:
     return complex(np.exp(2j * np.pi * beats / header.sampling_hz)) if beats else 1.0
 
 
-def _inputs(log: Log, name: str, relay: Relay, elements: np.ndarray) -> NDArray[np.int64]:
-    """Rows of `RelayInputs` (n, 5): closed poles by its breaker's frames, or the record's contacts; of a
-    pilot scheme what its own bits say was received, for all poles, and whether the channel was there."""
-    out = np.tile(np.array(RelayInputs(), np.int64), (len(elements), 1))
-    for at, poles in _positions(log, name):
-        out[np.searchsorted(elements["t_ns"], at) :, 0] = poles
-    scheme = relay.settings.psch
-    if scheme is not None:
-        bits = log.bits(name)["pickup"]
+class _Heard:
+    """What a relay heard, by stretches of a log: closed poles by its breaker's frames, or the record's
+    contacts; of a pilot scheme what its own bits say was received, for all poles, and whether the channel
+    was there."""
 
-        def on(bit: str) -> NDArray[np.int64]:
-            if bit not in bits:
-                return np.zeros(len(elements), np.int64)
-            return (elements["pickup"] >> np.uint64(bits.index(bit)) & np.uint64(1)).astype(np.int64)
+    def __init__(self, log: Log, relay: Relay) -> None:
+        self._scheme = relay.settings.psch
+        self._bits = log.bits(relay.name)["pickup"]
+        found = _positions(log, relay.name)
+        self._at_ns = np.array([at for at, _ in found], np.int64)
+        self._poles = np.array([RelayInputs().breaker_closed, *(poles for _, poles in found)], np.int64)
 
-        received = ALL_POLES * on("PSCH1.ProRx")
-        out[:, 3 if scheme.type == "dtt" else slice(1, 3)] = (
-            received if scheme.type == "dtt" else received[:, None]
-        )
-        out[:, 4] = 1 - on("PSCH1.LosOfGrd")
-    return out
+    def inputs(self, elements: np.ndarray) -> NDArray[np.int64]:
+        """Rows of `RelayInputs` (n, 5)."""
+        out = np.tile(np.array(RelayInputs(), np.int64), (len(elements), 1))
+        out[:, 0] = self._poles[np.searchsorted(self._at_ns, elements["t_ns"], side="right")]
+        if self._scheme is not None:
+            received = ALL_POLES * self._on(elements, "PSCH1.ProRx")
+            if self._scheme.type == "dtt":
+                out[:, 3] = received
+            else:
+                out[:, 1:3] = received[:, None]
+            out[:, 4] = 1 - self._on(elements, "PSCH1.LosOfGrd")
+        return out
+
+    def _on(self, elements: np.ndarray, bit: str) -> NDArray[np.int64]:
+        if bit not in self._bits:
+            return np.zeros(len(elements), np.int64)
+        return (elements["pickup"] >> np.uint64(self._bits.index(bit)) & np.uint64(1)).astype(np.int64)
 
 
 def _positions(log: Log, name: str) -> list[tuple[int, int]]:
+    """When its breaker, or the record's contacts, said which poles are closed, where that is news."""
     scenario = recorded_scenario(log)
     breaker = next((place.get("breaker") for place in scenario["relay"] if place["name"] == name), None)
     if breaker is None:
@@ -226,14 +248,15 @@ def _positions(log: Log, name: str) -> list[tuple[int, int]]:
         return [
             (e.t_ns, sum(e.fields[f"pole_{p.lower()}"] << bit for bit, p in enumerate(POLES))) for e in states
         ]
-    found = []
-    for entry in log.can:
-        kind, _ = BY_IDENTIFIER.get(entry.id, (None, 0))
-        if kind is not Kind.BREAKER_STATUS or entry.sender != breaker:
-            continue
-        state = read(Frame(entry.id, entry.data, entry.extended, entry.fd))
-        if isinstance(state, State):
-            found.append((entry.t_ns, state.poles))
+    found: list[tuple[int, int]] = []
+    for span in log.windows() if CAN_FRAME.topic in log.topics else ():
+        for entry in log.entries(CAN_FRAME, from_ns=span[0], to_ns=span[1]):
+            kind, _ = BY_IDENTIFIER.get(entry.id, (None, 0))
+            if kind is not Kind.BREAKER_STATUS or entry.sender != breaker:
+                continue
+            state = read(Frame(entry.id, entry.data, entry.extended, entry.fd))
+            if isinstance(state, State) and (not found or state.poles != found[-1][1]):
+                found.append((entry.t_ns, state.poles))
     return found
 
 
@@ -243,8 +266,8 @@ def _first_difference(
     relay: Relay,
     t_ns: NDArray[np.int64],
     words: NDArray[np.uint64],
-    logged: NDArray[np.uint64],
-) -> tuple[int | None, str | None]:
+    elements: np.ndarray,
+) -> tuple[int, str] | None:
     """Where a bit that both have is not the same; none is compared of a user's element, which is not run, and
     of what synchrocheck releases."""
     bits = log.bits(name)["pickup"]
@@ -255,9 +278,10 @@ def _first_difference(
         for k, (a, b) in enumerate(zip(ours, bits, strict=False))
         if a == b and not a.startswith(unseen)
     )
+    logged = np.stack([elements["pickup"], elements["operate"]], axis=1)
     rows, columns = np.nonzero((words ^ logged) & np.uint64(known))
     if not len(rows):
-        return None, None
+        return None
     row, column = int(rows[0]), int(columns[0])
     place = int(words[row, column] ^ logged[row, column]) & known
     return int(t_ns[row]), relay.bits[(place & -place).bit_length() - 1]
