@@ -177,7 +177,7 @@ class _Loops:
         bus = Transport.alone(scenario.can)
         own = {"warm_up": self._warm.warm_up, "plant_of": self._plants.plant}
         loop = ClosedLoop(scenario, relays, recorder, bus, **own)
-        loop.keep()
+        loop.keep(shares=all(can_be_kept(relay.settings) for relay in wanted))
         self._kept = [loop, *self._kept[: KEPT_LOOPS - 1]]
         return loop
 

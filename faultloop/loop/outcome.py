@@ -194,8 +194,18 @@ class Fold:
                 name = fields["name"] or source_of(topic)
                 self._events.append(EventText(t_ns, name, level, fields["message"]))
 
-    def _take_position(self, breaker: str, t_ns: int, command: str, relay: str = "", **poles: bool) -> None:
-        closed = sum(poles[f"pole_{pole.lower()}"] << bit for bit, pole in enumerate(POLES))
+    def _take_position(
+        self,
+        breaker: str,
+        t_ns: int,
+        command: str,
+        relay: str = "",
+        *,
+        pole_a: bool,
+        pole_b: bool,
+        pole_c: bool,
+    ) -> None:
+        closed = pole_a | pole_b << 1 | pole_c << 2
         self._positions.setdefault(breaker, []).append(Position(t_ns, closed, command, relay))
 
     def _take_frame(self, t_ns: int, frame: Frame) -> None:

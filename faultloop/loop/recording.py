@@ -141,6 +141,9 @@ def _made(sink: str, start_ns: int, name: str) -> Sink:
         raise InputError(f"'{sink}' failed: {type(error).__name__}: {error}", key="--sink") from error
 
 
+_POLES = [{f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")} for closed in range(8)]
+
+
 class Recorder:
     """The sinks as one; a level is "info", "warning" or "error".
 
@@ -158,6 +161,8 @@ class Recorder:
         self.counts = counts
         self.wants_texts = any(getattr(sink, "wants_texts", True) for sink in self.sinks)
         """Whether anybody takes the lines that a person reads."""
+        self.told = 0
+        """Messages so far."""
 
     @property
     def wants_blocks(self) -> bool:
@@ -178,6 +183,7 @@ class Recorder:
         self.relay_block(name, clock.ns(counts), counts, *block)
 
     def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
+        self.told += 1
         for sink in self.sinks:
             sink.message(topic, t_ns, message_name, **fields)
 
@@ -207,8 +213,9 @@ class Recorder:
 
     def breaker(self, name: str, t_ns: int, closed: int, command: str = "", relay: str = "") -> None:
         """A breaker's closed poles, and the command it has taken, and whose, if that is what is told."""
-        poles = {f"pole_{pole}": bool(closed >> bit & 1) for bit, pole in enumerate("abc")}
-        self.message(f"/breaker/{name}", t_ns, "BreakerStatus", command=command, relay=relay, **poles)
+        self.message(
+            f"/breaker/{name}", t_ns, "BreakerStatus", command=command, relay=relay, **_POLES[closed & 7]
+        )
 
     def can_frame(self, t_ns: int, frame: Frame, direction: str, sender: str) -> None:
         """A frame that was on the bus."""

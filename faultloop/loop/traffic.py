@@ -6,7 +6,7 @@ has a part in them, between two steps of the same kernels.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -124,7 +124,8 @@ class Traffic:
         self._attackers = attacker_nodes(scenario)
         self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
         self._edges = Edges(scenario.bus_fault)
-        self._kept: list[tuple[np.ndarray, np.ndarray]] = []
+        self._remembered: list[np.ndarray] = []
+        self._new: list[np.ndarray] = []
         self._sealed = scenario.keys_path is not None
         self.seats = {number: len(self.relays) + k for k, number in enumerate(self.breakers)}
         """The place of each breaker's node."""
@@ -143,20 +144,34 @@ class Traffic:
 
     def keep(self) -> None:
         """To `begin_again` from the state that it has now."""
-        arrays = [array.reshape(-1).view(np.uint8) for array in exchange.remembered(self.x)]
-        self._kept = [(array, array.copy()) for array in arrays]
+        self._remembered = [array.reshape(-1).view(np.uint8) for array in exchange.remembered(self.x)]
         self._kept_bus = self.x.bus
+        self._new = self.save()
 
-    def begin_again(self, scenario: Scenario, recorder: Recorder) -> None:
-        """As a new one of `scenario`, which has the same bus (`is_same_bus`)."""
+    def begin_again(
+        self, scenario: Scenario, recorder: Recorder, state: Sequence[np.ndarray] | None = None
+    ) -> None:
+        """As a new one of `scenario`, which has the same bus (`is_same_bus`), or from what `save` gave."""
         self.scenario, self.recorder = scenario, recorder
-        for array, kept in self._kept:
-            array[:] = kept
         self.bus.model.begin_again(self._kept_bus)
-        self.x = self.x._replace(bus=self._kept_bus, channels=self._channels())
+        self.x = self.x._replace(bus=self._kept_bus)
+        for array, kept in zip(self._all_remembered(), state or self._new, strict=True):
+            array[:] = kept
         self._control["quiet"] = recorder.counts is not None
         for seat in self._seats:
             seat.refusals.clear()
+
+    def save(self) -> list[np.ndarray]:
+        """A copy of everything that changes, of one that is quiet."""
+        return [array.copy() for array in self._all_remembered()]
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nodes and bus have what they began with, and nothing has been refused."""
+        return self.x.bus is self._kept_bus and not any(seat.refusals.causes for seat in self._seats)
+
+    def _all_remembered(self) -> list[np.ndarray]:
+        return [*self._remembered, *self.x.channels]
 
     def _channels(self) -> Channels:
         names = [place.name for place in self.scenario.relay]

@@ -13,7 +13,7 @@ from faultloop.config.tables import Name, NonNegative, Number, Seconds
 from faultloop.errors import InputError
 from faultloop.plant.circuit import SAME_POINT, Circuit
 from faultloop.plant.component import Component, PlantTables
-from faultloop.plant.elements import Complex
+from faultloop.plant.elements import Complex, Floats
 from faultloop.plant.elements.switch import Action, Star
 from faultloop.plant.elements.varistor import Varistor
 from faultloop.plant.line import ENDS, Line
@@ -23,6 +23,7 @@ from faultloop.plant.steady import ROTATION, Steady, voltage
 FaultType = Literal["AG", "BG", "CG", "AB", "BC", "CA", "ABG", "BCG", "CAG", "ABC", "ABCG"]
 FAULT_TYPES: tuple[FaultType, ...] = get_args(FaultType)
 TINY = 1e-9
+KEPT_WAVES = 64
 ARC_A, ARC_EXPONENT = 1000.0, 40.0
 """Current at which an arc has its voltage, and how flat that is: i ~ v^40, 6 % more at ten times the
 current."""
@@ -167,6 +168,20 @@ class Fault(Component):
         rising zero.  The voltage is the one before any fault."""
         assert self.angle_deg is not None
         start = self.after_s * model.circuit.rate
+        steps, turns = self._wave(model, steady, node, start)
+        # sin-angle of the wave less the one wanted, in turns: a whole number at the instants sought
+        turns = turns - self.angle_deg / 360
+        for whole in range(int(np.ceil(turns[0] - TINY)), int(turns.max()) + 2):
+            at = float(np.interp(whole, turns, steps))
+            if at >= start - TINY:
+                return at
+        raise AssertionError("two cycles hold every angle")
+
+    def _wave(self, model: Model, steady: Sequence[Steady], node: str, start: float) -> tuple[Floats, Floats]:
+        """Steps from ``start`` on, and sin-angles of the fault's voltage at them [turns]."""
+        known = model.waves.get((node, self.type, start))
+        if known is not None:
+            return known
         slowest = min(s.angle for s in steady)
         steps = np.arange(np.floor(start), np.ceil(start + 2 * 2 * np.pi / slowest) + 1)
         signal = fault_voltage(voltage(model, steady, node, steps), self.type)
@@ -175,13 +190,11 @@ class Fault(Component):
                 "there is no voltage at the fault to take an angle of; give start_s",
                 key=self.key("angle_deg"),
             )
-        # sin-angle of the wave less the one wanted, in turns: a whole number at the instants sought
-        turns = np.unwrap(np.angle(signal)) / (2 * np.pi) + 0.25 - self.angle_deg / 360
-        for whole in range(int(np.ceil(turns[0] - TINY)), int(turns.max()) + 2):
-            at = float(np.interp(whole, turns, steps))
-            if at >= start - TINY:
-                return at
-        raise AssertionError("two cycles hold every angle")
+        if len(model.waves) >= KEPT_WAVES:
+            model.waves.clear()
+        wave = steps, np.unwrap(np.angle(signal)) / (2 * np.pi) + 0.25
+        model.waves[node, self.type, start] = wave
+        return wave
 
 
 def fault_voltage(a: Complex, kind: str) -> Complex:

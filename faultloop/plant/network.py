@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -125,6 +125,8 @@ class Model:
             ).reshape(-1, 2),
         )
         self.matrix = Matrix(*self._fixed_part(), self._stamps(), self._conductances())
+        self.waves: dict[Any, tuple[Floats, Floats]] = {}
+        """Voltages that components have looked at, for the next run of the same network."""
 
     def factor(self, masks: Sequence[int] | Ints) -> Factor:
         """The matrix with the given poles of each switch conducting (A = 1, B = 2, C = 4)."""

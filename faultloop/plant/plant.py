@@ -39,6 +39,7 @@ from faultloop.plant.switches import (
     ROOM,
     Switches,
     new_switches,
+    next_step,
     put_actions,
     saved_actions,
 )
@@ -190,6 +191,11 @@ class Plant:
         return int(self._control["sample"])
 
     @property
+    def samples_before_actions(self) -> int:
+        """Samples from 0 on that are made before the first step at which anything is due."""
+        return next_step(self.parts.switches) // self.steps_per_sample
+
+    @property
     def _control(self) -> Any:
         return self.parts.switches.control[0]
 
@@ -283,6 +289,10 @@ class Plant:
         put_actions(self.parts.switches, state.actions)
         self._control["sample"] = state.sample_count
         self.changes = []
+
+    def go_on_from(self, state: PlantState) -> None:
+        """`restore`, but for what is due."""
+        self.restore(state._replace(actions=saved_actions(self.parts.switches)))
 
     @property
     def probe(self) -> Probe:

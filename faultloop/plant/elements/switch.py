@@ -6,7 +6,6 @@ A conducting pole is a conductance in the network's matrix, which is factored an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import ClassVar, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -85,14 +84,20 @@ class Star:
         return _of_star(self.phase_ohm, self.ground_ohm)
 
 
-@lru_cache(256)  # a campaign asks for the same one in every case
+_PLACE = np.where(
+    EVERY_MASK[:, :, None] & EVERY_MASK[:, None, :],
+    2 * EVERY_MASK.sum(axis=1)[:, None, None] - np.eye(3, dtype=np.int64),
+    0,
+).reshape(8, 9)
+"""Of each entry in `_of_star`'s numbers: with n poles that conduct 2 n - 1 on the diagonal, 2 n beside it."""
+
+
 def _of_star(phase_ohm: float, ground_ohm: float) -> Floats:
-    star = EVERY_MASK / max(phase_ohm, CONTACT_OHM)
-    total = star.sum(axis=1) + 1 / max(ground_ohm, CONTACT_OHM)
-    total[total == 0] = 1.0  # nothing conducts
-    made = (_diagonal(star) - star[:, :, None] * star[:, None, :] / total[:, None, None]).reshape(8, 9)
-    made.flags.writeable = False
-    return made
+    """With n poles of conductance y on, and the point's y0 to ground: y - y^2 / (n y + y0) on the diagonal,
+    -y^2 / (n y + y0) beside it."""
+    y, ground = 1 / max(phase_ohm, CONTACT_OHM), 1 / max(ground_ohm, CONTACT_OHM)
+    coupling = [y * y / (total + ground) for total in (y, y + y, y + y + y)]
+    return np.array([0.0, *(number for c in coupling for number in (y - c, -c))])[_PLACE]
 
 
 class Action(NamedTuple):
