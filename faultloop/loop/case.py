@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from faultloop.io.can.transport import Transport
 from faultloop.loop.beside import compile_beside
 from faultloop.loop.closed_loop import ClosedLoop
 from faultloop.loop.inputs import check_settings
+from faultloop.loop.kept_loop import KeptLoop
 from faultloop.loop.outcome import Cast, Fold, Outcome
 from faultloop.loop.recording import MemorySink, Recorder, Sink
 from faultloop.loop.scenario import Scenario
@@ -164,7 +164,7 @@ class _Loops:
 
     def __init__(self) -> None:
         self._warm, self._plants = WarmStates(), Plants()
-        self._kept: list[ClosedLoop] = []
+        self._kept: list[KeptLoop] = []
 
     def loop(self, scenario: Scenario, relays: Mapping[str, Relay], recorder: Recorder) -> ClosedLoop:
         """One at the beginning of a scenario; the one that was given before may be the same."""
@@ -174,10 +174,9 @@ class _Loops:
                 self._kept.insert(0, self._kept.pop(place))
                 loop.begin_again(scenario, recorder, self._plants.plant(scenario))
                 return loop
-        bus = Transport.alone(scenario.can)
+        shares = all(can_be_kept(relay.settings) for relay in wanted)
         own = {"warm_up": self._warm.warm_up, "plant_of": self._plants.plant}
-        loop = ClosedLoop(scenario, relays, recorder, bus, **own)
-        loop.keep(shares=all(can_be_kept(relay.settings) for relay in wanted))
+        loop = KeptLoop(scenario, relays, recorder, shares=shares, **own)
         self._kept = [loop, *self._kept[: KEPT_LOOPS - 1]]
         return loop
 

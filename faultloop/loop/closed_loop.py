@@ -23,7 +23,6 @@ from faultloop.loop import drive, exchange
 from faultloop.loop.drive import new_course
 from faultloop.loop.outcome import pole_names
 from faultloop.loop.pacing import Deadlines
-from faultloop.loop.prelude import Parts, Prelude, Stand
 from faultloop.loop.recording import PLANT_EVENTS, Recorder
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.traffic import Traffic
@@ -81,9 +80,6 @@ class ClosedLoop:
         for number, seat in self._traffic.seats.items():
             self._course.breaker["seat"][number] = seat
         self._cold: list[Any] = []  # the relays' states before anything was measured
-        self._prelude: Prelude | None = None
-        self._stand: Stand | None = None
-        self._place = 0  # where it is to be kept
         self.deadlines = Deadlines(self.clock.ns(1))
         """Of the blocks, in a run that is paced."""
         self.began_s = time.perf_counter()
@@ -105,31 +101,11 @@ class ClosedLoop:
         self._course.clock["end"] = self.total
         self._now = self._course.clock[0]
 
-    def keep(self, *, shares: bool) -> None:
-        """To `begin_again` from the state that it has now; ``shares``: or from a later one (`Prelude`)."""
-        self._traffic.keep()
-        if shares:
-            self._prelude = Prelude(self.plant)
-
-    def begin_again(self, scenario: Scenario, recorder: Recorder, plant: Plant) -> None:
-        """As a new one of `scenario`, which has the same bus (`is_same_bus`), for the same relays."""
-        seats = self._course.breaker["seat"]
-        self._set_up(scenario, recorder, plant)
-        self._course.breaker["seat"] = seats
-        self._stand, self._place = None, 0
-        if self._prelude is not None and recorder.counts is not None and not recorder.wants_blocks:
-            self._stand, self._place = self._prelude.begin(plant, self.total, recorder.wants_texts)
-        self._traffic.begin_again(scenario, recorder, self._stand.traffic if self._stand else None)
-
     # -- the clock ------------------------------------------------------------------------------------------
 
     def run(self, progress: Callable[[float], None] | None = None) -> None:
         """From the first sample to the last."""
-        self._begin()
-        self.compile()
-        self.began_s = time.perf_counter()
-        if self._prelude is not None and self._place:
-            self._keep_prelude(self._prelude)
+        self._start()
         started = time.monotonic()
         while self.sample_count < self.total and not self.interrupted:
             self._run_to(min(self.sample_count + self._block, self.total))
@@ -140,19 +116,11 @@ class ClosedLoop:
         self.simulated_ns = self.clock.ns(self.sample_count)
         self._traffic.end(self.simulated_ns)
 
-    def _keep_prelude(self, prelude: Prelude) -> None:
-        """Goes to its place, with nothing made beyond it, and keeps it if all was quiet."""
-        told, warm = self.recorder.told, [relay.events for relay in self.relays]
-        self._now["end"] = self._place
-        while self.sample_count < self._place and not self.interrupted:
-            self._run_to(min(self.sample_count + self._block, self._place))
-        self._now["end"] = self.total
-        if not self.interrupted and self.recorder.told == told and self._traffic.is_quiet:
-            prelude.keep(Stand.of(self._parts, self.recorder.wants_texts, warm))
-
-    @property
-    def _parts(self) -> Parts:
-        return Parts(self._course, self._traffic, self.plant, self._bank, self.relays)
+    def _start(self) -> None:
+        """All that comes before the first block."""
+        self._begin()
+        self.compile()
+        self.began_s = time.perf_counter()
 
     @property
     def bus_load(self) -> float:
@@ -200,11 +168,7 @@ class ClosedLoop:
     def _begin(self) -> None:
         for place, relay in zip(self.scenario.relay, self.relays, strict=True):
             self.recorder.add_relay(place.name, relay.bits, relay.characteristics())
-        if self._stand is not None:
-            self._stand.put_back(self._parts)
-            self._now["end"] = self.total
-        else:
-            self._warm()
+        self._warm()
         for note in self.plant.notes:
             self._event(0, "plant", "info", note, PLANT_EVENTS)
         for name in self._breaker_names:

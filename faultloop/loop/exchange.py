@@ -8,8 +8,7 @@ key, a fault on the bus, an attacker, a device on a real bus), `serve` stops, an
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,9 +129,10 @@ def new_exchange(nodes: Nodes, bus: Bus, channels: Channels) -> Exchange:
     )
 
 
-def remembered(x: Exchange) -> Iterator[NDArray[Any]]:
-    """The arrays of which what is in them now has a part in what comes."""
-    yield from (x.control, x.seats, *x.nodes, *x.bus, x.counted)
+def remembered(x: Exchange) -> list[NDArray[np.uint8]]:
+    """The bytes of the arrays of which what is in them now has a part in what comes."""
+    arrays = (x.control, x.seats, *x.nodes, *x.bus, x.counted, *x.channels)
+    return [array.reshape(-1).view(np.uint8) for array in arrays]
 
 
 @njit

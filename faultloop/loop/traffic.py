@@ -124,8 +124,7 @@ class Traffic:
         self._attackers = attacker_nodes(scenario)
         self._senders = Senders(bus, scenario.scenario.seed, scenario.bus_fault, self._names)
         self._edges = Edges(scenario.bus_fault)
-        self._remembered: list[np.ndarray] = []
-        self._new: list[np.ndarray] = []
+        self._remembered, self._new = list[np.ndarray](), list[np.ndarray]()
         self._sealed = scenario.keys_path is not None
         self.seats = {number: len(self.relays) + k for k, number in enumerate(self.breakers)}
         """The place of each breaker's node."""
@@ -137,15 +136,14 @@ class Traffic:
         self._control["hears"] = (
             2 if not alone else int(self._sealed or bool(self._attackers) or bool(self._followers))
         )
-        for seat, name, breaker in zip(self.x.seats, self._names, self._are_breakers(), strict=True):
-            seat["sender"], seat["breaker"] = bus.model.number_of(name), breaker
+        for seat, name, node in zip(self.x.seats, self._names, self._seats, strict=True):
+            seat["sender"], seat["breaker"] = bus.model.number_of(name), isinstance(node, BreakerNode)
         self.x.seats["number"] = self._numbers
         self._renew()
 
     def keep(self) -> None:
         """To `begin_again` from the state that it has now."""
-        self._remembered = [array.reshape(-1).view(np.uint8) for array in exchange.remembered(self.x)]
-        self._kept_bus = self.x.bus
+        self._remembered, self._kept_bus = exchange.remembered(self.x), self.x.bus
         self._new = self.save()
 
     def begin_again(
@@ -155,7 +153,7 @@ class Traffic:
         self.scenario, self.recorder = scenario, recorder
         self.bus.model.begin_again(self._kept_bus)
         self.x = self.x._replace(bus=self._kept_bus)
-        for array, kept in zip(self._all_remembered(), state or self._new, strict=True):
+        for array, kept in zip(self._remembered, state or self._new, strict=True):
             array[:] = kept
         self._control["quiet"] = recorder.counts is not None
         for seat in self._seats:
@@ -163,22 +161,16 @@ class Traffic:
 
     def save(self) -> list[np.ndarray]:
         """A copy of everything that changes, of one that is quiet."""
-        return [array.copy() for array in self._all_remembered()]
+        return [array.copy() for array in self._remembered]
 
     @property
     def is_quiet(self) -> bool:
         """Whether nodes and bus have what they began with, and nothing has been refused."""
         return self.x.bus is self._kept_bus and not any(seat.refusals.causes for seat in self._seats)
 
-    def _all_remembered(self) -> list[np.ndarray]:
-        return [*self._remembered, *self.x.channels]
-
     def _channels(self) -> Channels:
         names = [place.name for place in self.scenario.relay]
         return new_channels(self.scenario.channel, names, self.scenario.scenario.seed)
-
-    def _are_breakers(self) -> list[bool]:
-        return [isinstance(node, BreakerNode) for node in self._seats]
 
     def _relay_node(self, number: int, start_ns: int = 0) -> RelayNode:
         report = self._report_of("relay", self.scenario.relay[number].name)
