@@ -228,7 +228,7 @@ def test_command(folder: Path, tables: Tables, capsys: pytest.CaptureFixture[str
     "number", [signal.SIGKILL, signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
 )
 def test_stopped_by_a_signal(folder: Path, tables: Tables, number: signal.Signals) -> None:
-    tables["vary"].append({"key": "fault.F1.resistance_ohm", "range": [0, 5, 50]})
+    tables["vary"].append({"key": "fault.F1.resistance_ohm", "range": [0, 5, 20]})
     path, out, whole = written(folder, tables), folder / "x.parquet", folder / "whole.parquet"
     command = [sys.executable, "-m", "faultloop", "campaign", str(path), "--workers", "1", "--out"]
     process = subprocess.Popen([*command, str(out)], stderr=subprocess.PIPE, text=True)
@@ -243,7 +243,7 @@ def test_stopped_by_a_signal(folder: Path, tables: Tables, number: signal.Signal
         assert process.returncode == 130
         assert "goes on from" in err
     assert not out.exists()
-    assert 0 < made(folder, tables).run(out).new < 300
+    assert 0 < made(folder, tables).run(out).new < 120
     made(folder, tables).run(whole)
     assert out.read_bytes() == whole.read_bytes()
 
