@@ -143,7 +143,43 @@ def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], us
                     file=scenario.settings_path(place),
                     key=f"relay.{key}",
                 )
+        _check_noise(scenario, place, settings[place.name])
     check_ends(scenario, settings)
+
+
+PICKUPS = {
+    "current_noise_a": (
+        ("phs", "pickup_current_a"),
+        ("pdis", "minimum_current_a"),
+        ("ptoc", "pickup_a"),
+        ("pioc", "pickup_a"),
+        ("rbrf", "current_a"),
+        ("ptrc", "open_current_a"),
+        ("rpsb", "minimum_current_a"),
+    ),
+    "voltage_noise_v": (("ptuv", "start_v"), ("ptov", "start_v")),
+}
+"""By the noise of a relay's inputs, the keys whose settings must be above it."""
+
+
+def _check_noise(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> None:
+    front = place.front_end or scenario.front_end
+    for key, pickups in PICKUPS.items():
+        noise, ratio = getattr(front, key), settings.amperes if key.endswith("_a") else settings.volts
+        for function, name in pickups:
+            tables = getattr(settings, function)
+            many = isinstance(tables, tuple)
+            for number, table in enumerate(tables if many else [tables], settings.first_place):
+                given = getattr(table, name, None)
+                if given is None or ratio(given, 0.0) > noise:
+                    continue
+                unit = key[-1].upper()
+                what = (
+                    f"{given:g} is not above the noise of relay '{place.name}', {noise:g} {unit} primary "
+                    f"(front_end.{key}): it would start by itself; above {noise / ratio(1.0, 1.0):.4g}"
+                )
+                where = f"{function}[{number}].{name}" if many else f"{function}.{name}"
+                raise InputError(what, file=settings.path, key=where)
 
 
 TWO_ENDED = {"psch": ("type", "pole_bits", "transfer"), "pdif": AGREED}

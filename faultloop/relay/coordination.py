@@ -3,7 +3,8 @@
 Doubted, and told with the key and what would be right: a zone of a higher number that reaches less far, or
 trips sooner, than one of a lower number in the same direction and loops; a zone that reaches beyond the line,
 or behind the relay, and does not wait for what protects there; a ground loop that measures next to nothing; a
-zone that holds the load.  Each may be meant - by a study, or
+zone that holds the load, or an area of loads that takes in a part of a zone without delay, or a swing's box
+around the load.  Each may be meant - by a study, or
 by somebody who numbers zones in another way - so nothing is refused.  Only zones that trip count: one that
 starts a scheme may reach where it likes.
 """
@@ -18,8 +19,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from faultloop.relay.functions import zload
 from faultloop.relay.functions.function import Polygon
 from faultloop.relay.functions.pdis import Pdis, polygons, reach_ohm
+from faultloop.relay.swing_rule import inner_ohm, reaches
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -59,7 +62,7 @@ class Zone(NamedTuple):
 
 def doubts(settings: RelaySettings) -> list[Doubt]:
     """What the zones are set to do that may not be meant."""
-    found = list(_beyond(settings))
+    found = [*_beyond(settings), *_under_load_area(settings)]
     for one, other in combinations(settings.tripping_zones, 2):
         near, far = sorted((one, other), key=lambda zone: zone.table.zone)
         if near.table.zone != far.table.zone and near.table.direction == far.table.direction:
@@ -69,7 +72,9 @@ def doubts(settings: RelaySettings) -> list[Doubt]:
 
 def load_doubts(settings: RelaySettings, load_ohm: complex) -> list[Doubt]:
     """Zones that hold a load whose impedance is ``load_ohm`` at the relay, into the line, primary."""
-    found = []
+    found = [] if settings.rpsb is None else list(_box_around(settings, load_ohm))
+    if settings.zload is not None and zload.is_in_area(settings, settings.zload, load_ohm):
+        return found  # its loops are blocked
     for zone in settings.tripping_zones:
         if math.isfinite(zone.delays[1]) and _inside(load_ohm, zone.shape):
             found.append(Doubt(*_clear_of(settings, zone, load_ohm)))
@@ -149,6 +154,55 @@ def _beyond(settings: RelaySettings) -> Iterator[Doubt]:
         elif zone.table.direction == "none":
             what = f'"none" {trips} behind the relay, too; "forward" is usual, or {wait}'
             yield Doubt(f"{zone.key}.direction", what)
+
+
+def _under_load_area(settings: RelaySettings) -> Iterator[Doubt]:
+    """Zones without delay of which the area of loads takes in a part: a three-phase fault with an arc there
+    does not trip."""
+    table: Any = settings.zload
+    if table is None:
+        return
+    for side, key in ((1, "resistance_ohm"), (-1, "reverse_resistance_ohm")):
+        least = (table.reverse_resistance_ohm if side < 0 else None) or table.resistance_ohm
+        for zone in settings.tripping_zones:
+            if zone.delays[1] >= SELECTIVE_MS or zone.table.direction == ("forward", "reverse")[side > 0]:
+                continue
+            reach = _reach_within(zone.shape, side, math.radians(table.angle_deg)) / settings.ohm_ratio
+            if reach > least:
+                what = (
+                    f"{least:g} is inside zone {zone.table.zone} ({zone.key}), which reaches {reach:.3g} ohm "
+                    f"within {table.angle_deg:g} degrees: a three-phase fault with an arc there does not trip"
+                )
+                given = key if getattr(table, key) is not None else "resistance_ohm"
+                yield Doubt(f"zload.{given}", f"{what}; above {reach:.3g} it is clear of it")
+                break
+
+
+def _reach_within(polygon: Any, side: int, half: float) -> float:
+    """The farthest [ohm] that a polygon's border goes within ``half`` [rad] of the resistive axis, ahead
+    (1) or behind (-1)."""
+    corners = polygon[:, 0] + 1j * polygon[:, 1]
+    steps = np.linspace(0.0, 1.0, 50)[:, None]
+    border = side * (corners[:-1] * (1 - steps) + corners[1:] * steps).ravel()
+    within = border[np.abs(np.angle(border)) <= half]
+    return float(np.abs(within).max(initial=0.0))
+
+
+def _box_around(settings: RelaySettings, load: complex) -> Iterator[Doubt]:
+    """A swing's outer box that the load is in: what lasts there is no swing."""
+    table: Any = settings.rpsb
+    turned = load * settings.z1_ohm.conjugate() / abs(settings.z1_ohm)
+    along, beside = turned.real, abs(turned.imag)
+    outer = table.outer_resistance_ohm * settings.ohm_ratio
+    forward, reverse = reaches(settings, table)
+    apart = outer - inner_ohm(settings, table) * settings.ohm_ratio
+    if beside < outer and -reverse - apart < along < forward + apart:
+        limit = CLEAR_OF_LOAD * beside / settings.ohm_ratio
+        what = (
+            f"{table.outer_resistance_ohm:g} holds the load of {abs(load):.4g} ohm at "
+            f"{math.degrees(cmath.phase(load)):.0f} degrees, where no swing is found"
+        )
+        yield Doubt("rpsb.outer_resistance_ohm", f"{what}; below {limit:.3g} it is clear of it")
 
 
 def _along_ground(settings: RelaySettings, zone: Zone) -> float:

@@ -152,6 +152,7 @@ QUANTITIES = np.dtype(
         ("zone_started", "i8"),  # * PDIS: a distance zone has started
         ("was_started", "i8"),  # the same at the sample before
         ("zones", "i8"),  # * PDIS: mask of zones, by place in the settings, that have started
+        ("last_zones", "i8"),  # the same at the sample before
         ("inside", "i8"),  # * PDIS: the fault is inside a zone, started or not yet
         ("started", "i8"),  # * any function has started
         ("request", REQUEST),  # * the first wish of this sample to trip
@@ -390,7 +391,7 @@ def forget(q: Record) -> None:
     q.zone_started = 0
     q.inside = 0
     q.started = 0
-    q.zones = 0
+    q.last_zones, q.zones = q.zones, 0
     q.pilot = 0
     q.transfer = 0
     q.request.made = 0

@@ -40,6 +40,8 @@ VOLTAGE = 0.02
 
 GROUND = 0.25
 """Of I2: above it I0 is that of a fault to ground."""
+APART, CLEAR = 3.0, 0.3
+"""Of the least resistance, and of the line: above both a second loop's is none of a fault."""
 TURNS = (complex(1.0, 0.0), A, A2)
 """Of the negative sequence, from phase A to each."""
 YOUNG, UNBALANCED, BALANCED = 1, 2, 3
@@ -185,17 +187,13 @@ def resistance(g: Record, q: Record, loop: int) -> float:
 
 
 @njit
-def fault_type(g: Record, q: Record) -> int:
-    """1 .. 7 of a fault in a swing, without anything from before it: by the loops that stand still; else
+def by_resistance(g: Record, q: Record) -> tuple[int, bool]:
+    """1 .. 6 of a fault with negative or zero sequence, and whether no other loop may be it.
 
-    the angle of I2 against I0 tells the phase of a fault to ground, or the two others'; of what is left the
+    The angle of I2 against I0 tells the phase of a fault to ground, or the two others'; of what is left the
     loop counts in which no resistance is to be explained.  (The change of negative and zero sequence alone is
-    that of a pair as much as of the next one.)
+    that of a pair as much as of the next one.)  Near the centre of the swing there is none in any loop.
     """
-    if q.swing_fault == BALANCED:
-        return 7
-    if q.standing:
-        return standing_type(g, q)
     i0, i2 = q.sequence[3], q.sequence[5]
     loops = 0b111000
     if size2(i0) > GROUND**2 * size2(i2):
@@ -205,13 +203,30 @@ def fault_type(g: Record, q: Record) -> int:
             if along > best:
                 phase, best = k, along
         loops = 1 << phase | 8 << (phase + 1) % 3
-    found, least = 0, np.inf
+    found, least, second = 0, np.inf, np.inf
     for loop in range(6):
         if (loops >> loop) & 1:
             r = resistance(g, q, loop)
             if r < least or found == 0:
-                found, least = loop + 1, r
-    return found
+                found, least, second = loop + 1, r, least
+            else:
+                second = min(second, r)
+    return found, second > max(APART * least, CLEAR * abs(g.z1))
+
+
+@njit
+def is_clear(g: Record, q: Record) -> bool:
+    """Whether the currents and voltages of now tell one loop from the others."""
+    return q.sequence[5] != 0.0 and by_resistance(g, q)[1]
+
+
+@njit
+def fault_type(g: Record, q: Record) -> int:
+    """1 .. 7 of a fault in a swing, without anything from before it: by the loops that stand still, else
+    `by_resistance`."""
+    if q.swing_fault == BALANCED:
+        return 7
+    return standing_type(g, q) if q.standing else by_resistance(g, q)[0]
 
 
 @njit

@@ -68,6 +68,9 @@ IMAGE = 0.35
 RUSHING = 0.12
 """Way of half a cycle: a balanced state that moves faster starts no zone; a three-phase fault has stopped
 by then."""
+CLEARED, CLEARED_CYCLES, RESTS = 0.2, 3, 0.04
+"""Way of a quarter of a cycle in a disturbance older than a cycle: perhaps its clearing, which a swing
+follows.  For so long, and while a balanced state moves so far in half a cycle, it starts no further zone."""
 LEAP, LEAP_CYCLES = 0.5, 2.5
 """Way of a quarter of a cycle in the first half cycle of a disturbance that is a fault's; so long from its
 beginning its motion is none of a swing's.  Later one may have begun, by the fault's clearing."""
@@ -108,7 +111,8 @@ class Rpsb(Table):
     minimum_current_a: Positive | None = None
     """Of I1; below it there is no swing; 20 A primary where not given."""
     hold_ms: Milliseconds = 500.0
-    """So long after the impedance has left the outer box the swing stands."""
+    """So long after the impedance has left the outer box, and has come to rest, the swing stands: where a
+    stable one turns it is slow."""
     release_s: Seconds = 2.0
     """After so long in the outer box the zones are released."""
     trip: Literal["none", "way-in", "way-out"] = "none"
@@ -208,6 +212,8 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
         w.leapt = 0
     elif 2 * q.memory.age <= g.cycle and w.quick > LEAP:
         w.leapt = 1
+    elif q.memory.age > g.cycle and w.quick > CLEARED:
+        w.after = CLEARED_CYCLES * g.cycle
     bent = swing.bend(now, before, earlier)
     balanced = w.unbalanced == 0 and size2(q.sequence[4]) >= c.minimum**2
     settles = q.memory.seen <= FAR_CYCLES * g.cycle and not w.in_outer
@@ -216,6 +222,7 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
     steady = moves and bent <= STEADY * w.speed
     w.steady = w.steady + g.snapshot if steady else 0
     w.way = w.way + w.speed / lag if steady else 0.0
+    w.rest = 0 if 4 * w.steady >= g.cycle else w.rest + g.snapshot
     between = moves and w.in_outer and not w.in_inner
     w.between = w.between + g.snapshot if between else 0
     older = swing.distance(earlier, swing.point_ago(g, m, 3 * lag))
@@ -292,7 +299,8 @@ def is_over(g: Record, q: Record, c: Record, w: Record) -> bool:
 def resume(g: Record, w: Record) -> None:
     """What moves is a swing, again or for the first time."""
     w.state = SWINGING
-    w.stood, w.off = 0, g.cycle  # in another cycle the ring holds nothing but the swing
+    w.stood = w.rest = 0
+    w.off = g.cycle  # in another cycle the ring holds nothing but the swing
 
 
 @njit
@@ -313,7 +321,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
             w.state = FAULT
             w.age = w.steady = w.between = w.silent = w.apart = 0
             q.notices += 1
-        elif w.outside > c.hold and w.steady == 0:
+        elif w.outside > c.hold and w.rest > c.hold:
             end(g, q, w)
     elif fresh and not (w.state == QUIET and leaps(g, q, w)) and is_swing(c, q, w):
         resume(g, w)
@@ -324,18 +332,19 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
         w.state = QUIET
         q.notices += 1
     elif w.state == FAULT and is_over(g, q, c, w):
-        if w.in_outer:
-            resume(g, w)
-            q.notices += 1
-        else:
-            end(g, q, w)
+        resume(g, w)
+        q.notices += 1
 
 
 @njit
-def rushes(g: Record, q: Record, w: Record) -> bool:
-    """Whether a balanced state moves as fast as a swing that has not been found yet."""
-    fast = w.in_outer and w.unbalanced == 0 and 2 * w.quick > RUSHING
-    return fast and not q.was_started and not leaps(g, q, w)
+def hold_back(g: Record, q: Record, w: Record) -> None:
+    """Zones that have not started wait while a balanced state moves as fast as a swing that has not been
+    found yet."""
+    if not w.in_outer or w.unbalanced:
+        return
+    rushes = 2 * w.quick > RUSHING and not q.was_started and not leaps(g, q, w)
+    if rushes or (w.after and 2 * w.quick > RESTS):
+        q.blocked_zones |= ALL_ZONES & ~q.last_zones
 
 
 @njit
@@ -349,13 +358,15 @@ def lead_fault(g: Record, q: Record, w: Record) -> None:
     still = q.standing & PHASE_LOOPS
     one = q.standing != 0 and still != PHASE_LOOPS
     w.apart = g.cycle // 2 if w.unbalanced or one else max(w.apart - 1, 0)
+    all_still = still == PHASE_LOOPS and w.unbalanced <= g.cycle
     waits = 4 * w.age < g.cycle and w.cause != STANDS
+    waits |= q.standing == 0 and 2 * w.age < 3 * g.cycle and not swing.is_clear(g, q)
     if waits or (w.apart == 0 and still != PHASE_LOOPS and w.cause != TOO_LONG):
         q.swing_fault = swing.YOUNG
         q.blocked_zones = ALL_ZONES
         return
     swing.feed(q)
-    q.swing_fault = swing.UNBALANCED if w.apart and still != PHASE_LOOPS else swing.BALANCED
+    q.swing_fault = swing.UNBALANCED if w.apart and not all_still else swing.BALANCED
     swing.without_swing(q, q.fault == THREE_PHASE)
     q.memory.drift = np.inf
     q.memory.age = max(q.memory.age, g.cycle + 1)
@@ -376,6 +387,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     w.dwell = w.dwell + 1 if w.in_outer else 0
     w.outside = 0 if w.in_outer else w.outside + 1
     w.recent = max(w.recent - 1, 0)
+    w.after = max(w.after - 1, 0)
     w.current2 = max(size2(q.sequence[4]), w.current2 * (1.0 - 0.25 / g.cycle))
     image = c.unbalance + IMAGE * max(w.pace, w.speed)
     unbalanced = size2(q.sequence[5]) > image**2 * w.current2
@@ -397,8 +409,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     elif w.state == FAULT:
         w.age += 1
         lead_fault(g, q, w)
-    elif rushes(g, q, w):
-        q.blocked_zones = ALL_ZONES
+    else:
+        hold_back(g, q, w)
     indicate(q, c.bit + 1, w.state == SWINGING)
     indicate(q, c.bit + 2, w.state == FAULT)
     if w.operated:
@@ -478,9 +490,11 @@ RPSB = Function(
         ("past", "f8"),  # ... in the one before, ...
         ("quick", "f8"),  # ... in the last quarter
         ("leapt", "i8"),  # the disturbance began with a leap that no swing makes
+        ("after", "i8"),  # samples left for which a swing may follow a fault's clearing
         ("pace", "f8"),  # the swing's own
         ("steady", "i8"),  # samples of steady motion
         ("way", "f8"),  # on the sphere, meanwhile
+        ("rest", "i8"),  # samples since it last moved steadily
         ("between", "i8"),  # samples between the boxes
         ("stood", "i8"),  # samples that a loop stands still
         ("apart", "i8"),  # samples left for which a fault in the swing is no balanced one

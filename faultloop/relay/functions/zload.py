@@ -69,6 +69,13 @@ def check(settings: RelaySettings) -> None:
         raise InputError(what, key="zload.angle_deg")
 
 
+def is_in_area(settings: RelaySettings, table: Zload, ohm: complex) -> bool:
+    """Whether a load's primary impedance, into the line, is in one of the sectors."""
+    c = values(settings, table)
+    least = c["forward"] if ohm.real >= 0 else c["reverse"]
+    return abs(ohm) > least and abs(ohm.imag) < c["slope"] * abs(ohm.real)
+
+
 @njit
 def is_load(q: Record, c: Record) -> bool:
     """Whether V1 / I1 is a load's and the currents are balanced."""
