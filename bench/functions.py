@@ -13,10 +13,10 @@ stable swings of 0.5 to 3 Hz up to 140 degrees; `swing-fault`: with a bolted fau
 at any time after the first 60 ms; `swing-outside`: with one, in four of ten of 1 to 40 ohm, at the bus
 behind or in the last 8 % of the line, which goes 150 ms later; `swing-after`: with one from the same places
 that stands for 60 to 200 ms and makes the swing, stable or not, which goes on after it. `breaker`: a fault's
-current of 1.5 to 100 times RBRF's limit, with offset, is tripped; the poles open at their zeros 30 to 60 ms later, and their cores
-go on with up to half of the crest, of either sign, for 30 to 100 ms; in a third of the cases a pole stays
-closed: OpEx must come then and only then, and the detector be off within 15 ms of the last zero. `cost`:
-microseconds of CPU a sample, all functions against none, and against `fourier` alone, in one run.
+current of 1.5 to 100 times RBRF's limit, with offset, is tripped; the poles open at their zeros 30 to 60 ms
+later, and their cores go on with up to half of the crest, of either sign, for 30 to 100 ms; in a third of the
+cases a pole stays closed: OpEx must come then and only then, and the detector be off within 15 ms of the last
+zero. `cost`: microseconds of CPU a sample, all functions against none, and `fourier` alone, in one run.
 """
 
 from __future__ import annotations

@@ -148,6 +148,62 @@ def test_a_load_beside_every_zone_is_none_inside() -> None:
     assert not load_doubts(chosen, complex(-20, -8))
 
 
+@pytest.mark.parametrize(
+    ("zones", "zload", "told"),
+    [
+        # the circle of 0.85 x 30.15 ohm at 84.29 degrees is 25.63 cos(84.29 - 30) = 14.96 ohm at 30 degrees
+        (
+            [ZONE1, ZONE2],
+            {"resistance_ohm": 12.0},
+            "zload.resistance_ohm: 12 is inside zone 1 (pdis[1]), which reaches 14.9 ohm within 30 degrees: "
+            "a three-phase fault with an arc there does not trip; above 14.9 it is clear of it",
+        ),
+        (
+            [{"zone": 1, "reach_pu": 0.8, "characteristic": "quad", "resistive_reach_ohm": 20.0}],
+            {"resistance_ohm": 16.0, "angle_deg": 20.0},
+            "zload.resistance_ohm: 16 is inside zone 1 (pdis[1]), which reaches 22 ohm within 20 degrees: a "
+            "three-phase fault with an arc there does not trip; above 22 it is clear of it",
+        ),
+        (
+            [ZONE2, {"zone": 3, "reach_pu": 0.8, "direction": "reverse"}],
+            {"resistance_ohm": 22.0, "reverse_resistance_ohm": 10.0},
+            "zload.reverse_resistance_ohm: 10 is inside zone 3 (pdis[2]), which reaches 14.1 ohm within 30 "
+            "degrees: a three-phase fault with an arc there does not trip; above 14.1 it is clear of it",
+        ),
+        ([ZONE1, ZONE2], {"resistance_ohm": 15.0}, None),
+        ([ZONE1 | {"loops": "ground"}], {"resistance_ohm": 5.0}, None),
+        ([ZONE1 | {"delay_ms": 300.0}], {"resistance_ohm": 5.0}, None),
+    ],
+)
+def test_an_area_of_loads_inside_a_zone_without_delay_is_told(
+    zones: list[dict[str, Any]], zload: dict[str, Any], told: str | None
+) -> None:
+    found = [f"{doubt.key}: {doubt.text}" for doubt in settings(*zones, zload=zload).doubts]
+    assert found == ([told] if told else [])
+
+
+def test_a_load_that_is_cut_out_is_held_by_no_zone() -> None:
+    far = {"zone": 3, "reach_pu": 4.8, "delay_ms": 900.0}
+    load = complex(47.0, 17.1)
+    (doubt,) = load_doubts(settings(ZONE1, far), load)
+    assert doubt.key == "pdis[2].reach_pu"
+    assert not load_doubts(settings(ZONE1, far, zload={"resistance_ohm": 40.0}), load)
+    (doubt,) = load_doubts(settings(ZONE1, far, zload={"resistance_ohm": 55.0}), load)
+    assert doubt.key == "pdis[2].reach_pu"
+
+
+def test_a_swings_box_around_the_load_is_told() -> None:
+    boxes = {"outer_resistance_ohm": 100.0, "inner_resistance_ohm": 80.0}
+    load = 50 * np.exp(1j * np.radians(20))
+    (doubt,) = load_doubts(settings(ZONE1, rpsb=boxes, zload={"resistance_ohm": 40.0}), load)
+    assert f"{doubt.key}: {doubt.text}" == (
+        "rpsb.outer_resistance_ohm: 100 holds the load of 50 ohm at 20 degrees, where no swing is found; "
+        "below 36 it is clear of it"
+    )
+    clear = boxes | {"outer_resistance_ohm": 36.0, "inner_resistance_ohm": 20.0}
+    assert not load_doubts(settings(ZONE1, rpsb=clear), load)
+
+
 def zones_of(tmp_path: Path, text: str) -> list[str]:
     """Arguments of a run of the shipped scenario with these zones in place of its settings' own."""
     head = (SCENARIOS / "settings" / "ab-mho.toml").read_text(encoding="utf-8").split("[[pdis]]")[0]

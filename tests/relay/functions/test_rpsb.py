@@ -118,6 +118,77 @@ def test_no_fault_outside_trips_in_a_swing_and_none_when_it_has_gone(
     assert trips(relay(BOXES), swings.samples(NETWORK, angle, kind, at, start, end_s=start + 0.15)) == []
 
 
+def behind_and_ahead(near: float, far: float, angle_deg: float = 0.0) -> Network:
+    """Sources in parts of `NETWORK`'s."""
+    return Network(
+        zs1=(1 + 12j) * near, zs0=(1.5 + 15j) * near, zr1=(1.5 + 18j) * far, zr0=(3 + 30j) * far,
+        angle_deg=angle_deg,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "hz", "most", "kind", "at", "start_s"),
+    [
+        # the swing's end was taken for its turning: the fault's memory was of a moment in it
+        (2.7128487253, 0.6486182018, 3.0, 74.0262068, "AG", 0.4469564338, 0.6647448712),
+        # outside the boxes the fault itself ended the swing, and was what is normal from then on
+        (0.4954690208, 1.4494544780, 1.1238134919, 66.0614619, None, 0.5, 1.1),
+        (1.7495454701, 2.3122662419, 3.0, 89.4164117, "CG", 0.7671064973, 0.7244679973),
+    ],
+)
+def test_a_fault_where_a_stable_swing_is_slow_trips(
+    near: float, far: float, hz: float, most: float, kind: str | None, at: float, start_s: float
+) -> None:
+    network = behind_and_ahead(near, far)
+    for one in [kind] if kind else ["AG", "BC", "CAG", "ABC"]:
+        angle = -swings.stable(network, hz, most, start_s + 0.15)
+        found = trips(relay(BOXES), swings.samples(network, angle, one, at, start_s))
+        assert found, one
+        assert 0 < found[0][0] - start_s < 0.06, one
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "slip", "kind", "at", "start_s"),
+    [
+        # every loop stood still for a while, I2 and all: it was taken for a three-phase fault
+        (0.3470674787, 0.5865275946, 0.6688962204, "CAG", 0.9932068031, 0.8917171098),
+        # without a loop that stands the resistances near the swing's centre told A-B
+        (0.5745689203, 0.4084906038, 1.2122501332, "CG", 0.9626599800, 0.6505084941),
+    ],
+)
+def test_a_fault_near_the_far_bus_in_a_swing_is_no_other_loops(
+    near: float, far: float, slip: float, kind: str, at: float, start_s: float
+) -> None:
+    network = behind_and_ahead(near, far)
+    angle = swings.slipping(network, slip, start_s + 0.4, load_deg=20.0)
+    x = swings.samples(network, angle, kind, at, start_s, end_s=start_s + 0.15)
+    assert trips(relay(BOXES), x) == []
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "at", "load_deg", "rate", "stands_s", "slip_hz"),
+    [
+        (2.6512420301, 0.3506572792, 0.9888309906, 12.6, 65.0, 0.198, 3.0),
+        (0.4322569735, 0.3218291279, -1.0, 19.1, 65.0, 0.2, 2.0),
+    ],
+)
+def test_no_zone_takes_the_swing_after_a_fault_for_a_three_phase_fault(
+    near: float, far: float, at: float, load_deg: float, rate: float, stands_s: float, slip_hz: float
+) -> None:
+    """The fault beyond, or behind, accelerates the far source; a zone that the fault had started let zone 1
+    start in the swing."""
+    network = behind_and_ahead(near, far)
+    t = np.arange(6000) / 4800 - 0.3
+    gone, begins = np.maximum(t - stands_s, 0.0), rate * stands_s
+    angle = 0.5 * rate * np.clip(t, 0.0, stands_s) ** 2 + begins * gone
+    angle += (2 * np.pi * slip_hz - begins) * (gone - 0.2 * (1 - np.exp(-gone / 0.2)))
+    for sign in (-1.0, 1.0):
+        for kind in ("CAG", "AG", "ABC"):
+            degrees = sign * (load_deg + np.degrees(angle))
+            x = swings.samples(network, degrees, kind, at, 0.3, end_s=0.3 + stands_s)
+            assert trips(relay(BOXES), x) == [], (sign, kind)
+
+
 def osc_relay(method: str, rpsb: dict[str, Any] | None) -> Relay:
     """The real relay's reach is not known; its zone 1 operated in this swing."""
     given = {
