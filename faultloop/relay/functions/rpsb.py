@@ -77,8 +77,9 @@ beginning its motion is none of a swing's.  Later one may have begun, by the fau
 FAR, FAR_CYCLES = 0.05, 8
 """Way of half a cycle outside the outer box in the first cycles of all: an estimator that settles to a
 frequency 5 Hz off makes 0.02, which would be a swing of 0.3 Hz."""
-STARTED, STARTED_WAY = 2, 0.2
-"""Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less."""
+STARTED, STARTED_WAY, CLEARED_WAY = 2, 0.2, 0.05
+"""Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less.  After a
+fault's clearing, perhaps, so far: another fault in its place would stand still."""
 OPERATED_CYCLES = 5
 
 
@@ -209,11 +210,11 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
     w.past = swing.distance(before, earlier)
     w.quick = swing.distance(now, swing.point_ago(g, m, lag // 2))
     if not q.disturbed:
-        w.leapt = 0
+        w.leapt = w.cleared = 0
     elif 2 * q.memory.age <= g.cycle and w.quick > LEAP:
         w.leapt = 1
     elif q.memory.age > g.cycle and w.quick > CLEARED:
-        w.after = CLEARED_CYCLES * g.cycle
+        w.cleared, w.after = 1, CLEARED_CYCLES * g.cycle
     bent = swing.bend(now, before, earlier)
     balanced = w.unbalanced == 0 and size2(q.sequence[4]) >= c.minimum**2
     settles = q.memory.seen <= FAR_CYCLES * g.cycle and not w.in_outer
@@ -244,7 +245,7 @@ def is_swing(c: Record, q: Record, w: Record) -> bool:
     if w.dwell > c.release or not q.ready:
         return False
     if q.was_started:
-        return w.steady >= STARTED * c.steady and w.way >= STARTED_WAY
+        return w.steady >= STARTED * c.steady and w.way >= (CLEARED_WAY if w.cleared else STARTED_WAY)
     crossing = c.next if w.recent > 0 else c.crossing
     return w.steady >= c.steady or w.between >= max(crossing, 1)
 
@@ -490,7 +491,8 @@ RPSB = Function(
         ("past", "f8"),  # ... in the one before, ...
         ("quick", "f8"),  # ... in the last quarter
         ("leapt", "i8"),  # the disturbance began with a leap that no swing makes
-        ("after", "i8"),  # samples left for which a swing may follow a fault's clearing
+        ("cleared", "i8"),  # a later leap in it, perhaps its clearing
+        ("after", "i8"),  # samples left for which a swing may follow that
         ("pace", "f8"),  # the swing's own
         ("steady", "i8"),  # samples of steady motion
         ("way", "f8"),  # on the sphere, meanwhile

@@ -169,7 +169,7 @@ def test_a_fault_near_the_far_bus_in_a_swing_is_no_other_loops(
     ("near", "far", "at", "load_deg", "rate", "stands_s", "slip_hz"),
     [
         (2.6512420301, 0.3506572792, 0.9888309906, 12.6, 65.0, 0.198, 3.0),
-        (0.4322569735, 0.3218291279, -1.0, 19.1, 65.0, 0.2, 2.0),
+        (0.4322569735, 0.3218291279, -1.0, 19.1, 50.0, 0.15, 2.0),
     ],
 )
 def test_no_zone_takes_the_swing_after_a_fault_for_a_three_phase_fault(
