@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +21,7 @@ from faultloop.errors import InputError, nearest
 from faultloop.loop.scenario import AnyScenario, Scenario
 from faultloop.nodes.roster import seal
 from faultloop.relay import Relay, RelaySettings, load_settings
+from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.pdif import AGREED, REMOTES
 from faultloop.relay.named_code import refuse_user_code
 
@@ -148,38 +149,33 @@ def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], us
 
 
 PICKUPS = {
-    "current_noise_a": (
-        ("phs", "pickup_current_a"),
-        ("pdis", "minimum_current_a"),
-        ("ptoc", "pickup_a"),
-        ("pioc", "pickup_a"),
-        ("rbrf", "current_a"),
-        ("ptrc", "open_current_a"),
-        ("rpsb", "minimum_current_a"),
-    ),
-    "voltage_noise_v": (("ptuv", "start_v"), ("ptov", "start_v")),
+    "current_noise_a": ("pickup_a", "current_a", "pickup_current_a", "minimum_current_a", "open_current_a"),
+    "voltage_noise_v": ("start_v",),
 }
-"""By the noise of a relay's inputs, the keys whose settings must be above it."""
+"""By the noise of a relay's inputs, the keys of functions whose settings must be above it."""
 
 
 def _check_noise(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> None:
     front = place.front_end or scenario.front_end
-    for key, pickups in PICKUPS.items():
-        noise, ratio = getattr(front, key), settings.amperes if key.endswith("_a") else settings.volts
-        for function, name in pickups:
-            tables = getattr(settings, function)
-            many = isinstance(tables, tuple)
-            for number, table in enumerate(tables if many else [tables], settings.first_place):
+    for key, names in PICKUPS.items():
+        noise, primary = getattr(front, key), settings.amperes if key.endswith("_a") else settings.volts
+        for where, table in _tables(settings):
+            for name in names:
                 given = getattr(table, name, None)
-                if given is None or ratio(given, 0.0) > noise:
-                    continue
-                unit = key[-1].upper()
-                what = (
-                    f"{given:g} is not above the noise of relay '{place.name}', {noise:g} {unit} primary "
-                    f"(front_end.{key}): it would start by itself; above {noise / ratio(1.0, 1.0):.4g}"
-                )
-                where = f"{function}[{number}].{name}" if many else f"{function}.{name}"
-                raise InputError(what, file=settings.path, key=where)
+                if given is not None and primary(given, 0.0) <= noise:
+                    of_place = (
+                        f"of relay '{place.name}', {noise:g} {key[-1].upper()} primary (front_end.{key})"
+                    )
+                    least = f"above {noise / primary(1.0, 1.0):.4g}"
+                    what = f"{given:g} is not above the noise {of_place}: it would start by itself; {least}"
+                    raise InputError(what, file=settings.path, key=f"{where}.{name}")
+
+
+def _tables(settings: RelaySettings) -> Iterator[tuple[str, Any]]:
+    """Those of all functions, with their keys."""
+    for function in FUNCTIONS:
+        for number, table in enumerate(settings.tables(function), settings.first_place):
+            yield f"{function.key}[{number}]" if function.most > 1 else function.key, table
 
 
 TWO_ENDED = {"psch": ("type", "pole_bits", "transfer"), "pdif": AGREED}

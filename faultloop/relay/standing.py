@@ -51,7 +51,7 @@ def piece(g: Record, q: Record, drop: Drop, loop: int) -> tuple[float, float]:
 @njit
 def standing(g: Record, q: Record, pace: float, jumped: bool) -> int:
     """Mask of the loops that stand still in a swing that goes by ``pace`` on the sphere in half a cycle, or
-    has ``jumped`` out of it: then a slow one is no measure of what stands still."""
+    has ``jumped`` out of it almost a cycle ago: then a slow one is no measure of what stands still."""
     drop, mask = (g.z1, third(g.z0 - g.z1)), 0
     for loop in range(6):
         sums = last_cycle(g, q, drop, loop)

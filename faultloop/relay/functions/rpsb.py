@@ -329,6 +329,9 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
         w.pace = w.speed
         w.recent = c.hold
         q.notices += 1
+    elif w.state == FAULT and fresh and w.age > g.cycle and w.quick > CLEARED:
+        w.cause = JUMPED  # another fault, or none any more: nothing of the first one counts
+        w.age = w.apart = w.silent = 0
     elif w.state == FAULT and not q.disturbed:
         w.state = QUIET
         q.notices += 1
@@ -383,7 +386,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if w.state == QUIET:
         q.standing = 0
     elif fresh:
-        q.standing = standing(g, q, w.pace, w.state == FAULT and w.cause == JUMPED)
+        since = w.state == FAULT and w.cause == JUMPED and 4 * w.age >= 3 * g.cycle
+        q.standing = standing(g, q, w.pace, since)
     place(g, q, c, w)
     w.dwell = w.dwell + 1 if w.in_outer else 0
     w.outside = 0 if w.in_outer else w.outside + 1

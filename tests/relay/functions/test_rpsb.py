@@ -189,6 +189,25 @@ def test_no_zone_takes_the_swing_after_a_fault_for_a_three_phase_fault(
             assert trips(relay(BOXES), x) == [], (sign, kind)
 
 
+@pytest.mark.parametrize(
+    ("near", "far", "slip", "load_deg", "kind", "start_s"),
+    [
+        # as it went one pair stood still for a moment, and was a fault ahead
+        (1.0276482876, 0.3877745646, 3.6, 20.0, "ABC", 0.6546194167),
+        # a pair that goes on with a slow swing left little, and was a fault ahead
+        (0.8263193617, 0.3749613241, 0.8, 20.0, "AG", 0.9213440847),
+    ],
+)
+def test_a_fault_behind_in_a_swing_is_none_ahead_while_it_comes_and_goes(
+    near: float, far: float, slip: float, load_deg: float, kind: str, start_s: float
+) -> None:
+    network = behind_and_ahead(near, far)
+    for sign in (-1.0, 1.0):
+        angle = sign * swings.slipping(network, slip, start_s + 0.4, load_deg=load_deg)
+        x = swings.samples(network, angle, kind, -1.0, start_s, end_s=start_s + 0.15)
+        assert trips(relay(BOXES), x) == [], sign
+
+
 def osc_relay(method: str, rpsb: dict[str, Any] | None) -> Relay:
     """The real relay's reach is not known; its zone 1 operated in this swing."""
     given = {
