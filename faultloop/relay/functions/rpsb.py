@@ -39,17 +39,15 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from faultloop.config.tables import Milliseconds, Positive, Seconds, Table
-from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.relay import memory, swing
 from faultloop.relay.events import Event, Names
-from faultloop.relay.functions.function import Function, Polygon
-from faultloop.relay.functions.pdis import reach_ohm
+from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import size2
 from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, request_trip
 from faultloop.relay.standing import PHASE_LOOPS, standing
 from faultloop.relay.swing import TRACK
-from faultloop.relay.swing_rule import inner_ohm, reaches
+from faultloop.relay.swing_rule import check, inner_ohm, polygons, reaches
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -154,31 +152,6 @@ def values(settings: RelaySettings, table: Rpsb) -> dict[str, Any]:
         "trip": ("none", "way-in", "way-out").index(table.trip),
         "slips": table.slips,
     }
-
-
-def check(settings: RelaySettings) -> None:
-    """The inner box lies around every zone, and within the outer one."""
-    table: Any = settings.rpsb
-    inner, outer = inner_ohm(settings, table), table.outer_resistance_ohm
-    if inner >= outer or inner <= 0:
-        what = (
-            f"the rule puts the inner box at {inner:.4g} ohm, not below the outer one at {outer:g}; "
-            "a slower initial_slip_hz, a shorter crossing_ms or a total_ohm that is the sum of line "
-            "and sources"
-        )
-        raise InputError(what, key="rpsb.total_ohm")
-    for number, zone in enumerate(settings.pdis, 1):
-        blind = (zone.resistive_reach_ohm or 0.0) if zone.characteristic == "quad" else 0.0
-        if zone.characteristic == "mho":
-            blind = (
-                abs(reach_ohm(settings, zone)) / settings.ohm_ratio / (1 if zone.direction == "none" else 2)
-            )
-        if blind > inner:
-            what = (
-                f"the inner box, {inner:.4g} ohm to each side of the line, must be around every zone: "
-                f"PDIS{number} reaches {blind:.4g} ohm"
-            )
-            raise InputError(what, key="rpsb.inner_resistance_ohm")
 
 
 @njit
@@ -436,20 +409,6 @@ def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
         yield Event(names.sample, "warning", text)
     else:
         yield Event(names.sample, "info", "RPSB1 power swing over")
-
-
-def polygons(settings: RelaySettings, table: Rpsb) -> tuple[Polygon, Polygon]:
-    """The boxes as one line, from the outer to the inner one and back, primary ohm."""
-    axis = settings.z1_ohm / abs(settings.z1_ohm)
-    forward, reverse = reaches(settings, table)
-    inner, outer = (r * settings.ohm_ratio for r in (inner_ohm(settings, table), table.outer_resistance_ohm))
-    corners = []
-    for resistance, more in ((outer, outer - inner), (inner, 0.0)):
-        box = [complex(forward + more, side * resistance) for side in (-1, 1)]
-        box += [complex(-reverse - more, side * resistance) for side in (1, -1)]
-        corners += [*box, box[0]]
-    points = axis * np.array([*corners, corners[0]])
-    return np.empty((0, 2)), np.column_stack([points.real, points.imag])
 
 
 RPSB = Function(
