@@ -303,7 +303,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
         w.recent = c.hold
         q.notices += 1
     elif w.state == FAULT and fresh and w.age > g.cycle and w.quick > CLEARED:
-        w.cause = JUMPED  # another fault, or none any more: nothing of the first one counts
+        w.cause = UNBALANCED  # another fault, or none any more: nothing of the first one counts
         w.age = w.apart = w.silent = 0
     elif w.state == FAULT and not q.disturbed:
         w.state = QUIET
