@@ -1,25 +1,39 @@
 """A campaign's row, its case, `run` and the log of `run` say the same: random scenarios of all kinds.
 
-    python bench/equality.py [CASES] [--seed N] [--first N] [--rows N] [--seconds S]
+    python bench/equality.py [CASES] [--seed N] [--first N] [--rows N] [--seconds S] [--workers N] [--results FILE]
 
-Each scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept
-from the runs before, and by `Cases`.  Trips, faults, events (of one instant in any order), positions,
-frames, bus load, locations: to the nanosecond and bit.  Then a campaign of N rows (2) varies it, and each
-row, as it is read back from the Parquet file, is what `run` of that case and its log say.  The first
-difference ends it, with status 3 and the scenario's number.
+Scenarios are drawn, and of each a campaign of N rows (20), so many that there are CASES rows (10,000).  Each
+scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept from
+the runs before, and by `Cases`.  Trips, faults, events (of one instant in any order), positions, frames, bus
+load, locations: to the nanosecond and bit.  The campaign varies it (each second one leaves the network as it
+is, so that its cases go on from each other's beginning), and each row, as it is read back from the Parquet
+file, is what `run` of that case, begun with nothing kept, and its log say.
+
+What each scenario came to is a line of FILE (bench/results/equality.jsonl), and is not run again: the same
+command goes on.  At the end it tells how many rows had what in them, and each difference, with status 3.
 """
 
+# ruff: noqa: E402
 from __future__ import annotations
 
 import argparse
 import copy
+import json
 import math
+import os
+import sys
 import tempfile
 import time
 import tomllib
 from collections import Counter
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
+
+for key in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(key, "1")  # a worker for each core
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -40,6 +54,9 @@ STATES = ("trip", "pilot", "breaker_status", None)
 DURATION_S = 0.2
 KEY = "000102030405060708090a0b0c0d0e0f"
 ELEMENT = """
+from numba import njit
+
+
 def overcurrent(state, x, out):
     out[0] = out[1] = abs(x[6]) > 2500.0
 
@@ -47,7 +64,12 @@ def overcurrent(state, x, out):
 def counting(state, x, out):
     state[0] += 1.0
     out[0] = state[0] > 300.0
+
+
+fast_overcurrent, fast_counting = njit(overcurrent), njit(counting)
 """
+PLAIN = 0.05
+"""Of the users' elements that are Python: a row with one takes 4 s, and others 0.3."""
 
 
 def draw_fault(rng: np.random.Generator) -> dict[str, Any]:
@@ -92,6 +114,7 @@ def draw_settings(rng: np.random.Generator, estimators: tuple[str, ...]) -> dict
     data["estimator"] = {"method": str(rng.choice(estimators)), "unsafe": True}
     if rng.random() < 0.2:
         function = str(rng.choice(["overcurrent", "counting"]))
+        function = function if rng.random() < PLAIN else f"fast_{function}"
         data["element"] = [{"name": "OWN", "function": f"own.py:{function}", "state": [0.0], "trip": False}]
     return data
 
@@ -163,6 +186,8 @@ def campaign(
         relay["settings"] = f"{relay['name']}.toml"
         (folder / relay["settings"]).write_text(toml_text(settings[relay["name"]]), encoding="utf-8")
     (folder / "drawn.toml").write_text(toml_text(data), encoding="utf-8")
+    same = number % 2 == 1
+    """Its cases have one network, and go on from each other's beginning."""
     vary: list[dict[str, Any]] = [
         {"key": "scenario.seed", "values": [1, 22, 333, 4444]},
         {"key": "relay.RA.estimator.method", "values": list(estimators)},
@@ -173,10 +198,13 @@ def campaign(
     ]
     if "keys" in data["can"]:
         vary[-1] = {"key": "can.confirmations", "values": [1, 2]}  # tags need CAN FD
+    if same:
+        vary = [{"key": "scenario.duration_s", "values": [0.15, 0.2]}]
     for place, fault in enumerate(data["fault"]):
         here = [n for n, other in enumerate(data["fault"]) if other["at_pu"] == fault["at_pu"]]
         if here[0] == place:  # those at one place stay together
-            vary.append({"keys": [f"fault.{n}.at_pu" for n in here], "uniform": [0.03, 0.97]})
+            places = {"values": [0.1, 0.6]} if same else {"uniform": [0.03, 0.97]}
+            vary.append({"keys": [f"fault.{n}.at_pu" for n in here], **places})
         vary.append({"key": f"fault.{place}.type", "values": list(TYPES)})
         vary.append({"key": f"fault.{place}.start_s", "uniform": [0.02, 0.15]})
         vary.append({"key": f"fault.{place}.resistance_ohm", "log_uniform": [0.1, 50.0]})
@@ -267,37 +295,132 @@ def expected_cells(scenario: Scenario, trips: list[TripReport], fault_ns: int | 
     return cells
 
 
+def features(scenario: Scenario, settings: dict[str, RelaySettings]) -> set[str]:
+    """What there is in it, by name."""
+    faults = scenario.fault
+    found = {f"{len(faults)} faults", *(f"bus fault {fault.kind}" for fault in scenario.bus_fault)}
+    found |= {f"estimator {own.estimator.method}" for own in settings.values()}
+    has = {
+        "evolving fault": len({fault.at_pu for fault in faults}) < len(faults),
+        "fault with a duration": any(fault.duration_s is not None for fault in faults),
+        "keys": scenario.keys_path is not None,
+        "CAN FD": scenario.can.fd,
+        "single-pole": any(own.ptrc.mode == "single-pole" for own in settings.values()),
+        "user's element": any(own.element for own in settings.values()),
+        "front end": scenario.front_end.antialias_hz is not None,
+        "parallel line": len(scenario.line) > 1,
+        "series capacitor": bool(scenario.series_capacitor),
+        "load": bool(scenario.load),
+        "CT that saturates": bool(scenario.ct),
+        "CVT": bool(scenario.vt),
+        "breakers without delay": any(breaker.operate_ms == 0 for breaker in scenario.breaker),
+    }
+    return found | {name for name, there in has.items() if there}
+
+
+_kept = Cases()
+
+
+def family(number: int, seed: int, rows: int, folder: Path) -> dict[str, Any]:
+    """A scenario and its campaign: what differs, and how many rows have what."""
+    folder = folder / str(os.getpid())
+    folder.mkdir(exist_ok=True)
+    prepare(folder)
+    begin = time.process_time()
+    scenario, settings = draw(number, seed, folder)
+    found = differences(scenario, settings, _kept, folder)
+    counts = Counter[str]()
+    if rows:
+        own = campaign(number, seed, folder, rows)
+        found += row_differences(own, folder)
+        for row in pq.read_table(folder / "rows.parquet").to_pylist():
+            counts["rows"] += 1
+            if row["error"] is not None:
+                counts["rows that are impossible"] += 1
+                continue
+            case = own.case(row["case"])
+            counts.update(features(case.scenario, case.settings))
+            counts["trips"] += row["RA.trips"] + row["RB.trips"]
+            counts["rows without a trip"] += not (row["RA.tripped"] or row["RB.tripped"])
+    spent = round(time.process_time() - begin, 2)
+    return {
+        "seed": seed, "number": number, "rows": rows, "found": found, "cpu_s": spent, "counts": dict(counts),
+    }  # fmt: skip
+
+
+def told(lines: Iterable[dict[str, Any]]) -> tuple[str, str]:
+    """What the lines of a file of results come to: the whole, and what the rows have in them."""
+    lines = list(lines)
+    counts = sum((Counter(line["counts"]) for line in lines), Counter[str]())
+    rows, cpu_s = counts.pop("rows", 0), sum(line["cpu_s"] for line in lines)
+    differ = sum(bool(line["found"]) for line in lines)
+    whole = f"{len(lines)} scenarios and {rows} rows, {differ} scenarios with a difference"
+    if rows:
+        whole += f" ({cpu_s / rows:.2f} s of CPU a row)"
+    return whole, ", ".join(f"{name} {count}" for name, count in sorted(counts.items()))
+
+
+def done(file: Path, seed: int, rows: int) -> list[dict[str, Any]]:
+    """The lines of it that are whole."""
+    lines = []
+    for text in file.read_text(encoding="utf-8").splitlines() if file.exists() else ():
+        try:
+            line = json.loads(text)
+        except ValueError:  # cut off by a kill
+            continue
+        if (line["seed"], line["rows"]) == (seed, rows):
+            lines.append(line)
+    return lines
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("cases", type=int, nargs="?", default=10_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--rows", type=int, default=2)
+    parser.add_argument("--rows", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=math.inf)
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results" / "equality.jsonl")
     options = parser.parse_args()
-    kept, tripped, until_s = Cases(), Counter[int](), time.monotonic() + options.seconds
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        prepare(folder)
-        for number in range(options.first, options.first + options.cases):
-            if time.monotonic() > until_s:
+    until_s = time.monotonic() + options.seconds
+    count = -(-options.cases // max(options.rows, 1))
+    wanted = range(options.first, options.first + count)
+    lines = [line for line in done(options.results, options.seed, options.rows) if line["number"] in wanted]
+    todo = iter(sorted(set(wanted) - {line["number"] for line in lines}))
+    memory = Path("/dev/shm")
+    with (
+        tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as name,
+        ProcessPoolExecutor(options.workers, get_context("spawn")) as pool,
+        options.results.open("a", encoding="utf-8") as file,
+    ):
+        running = set()
+        while time.monotonic() < until_s:
+            while len(running) < 2 * options.workers and (number := next(todo, None)) is not None:
+                running.add(pool.submit(family, number, options.seed, options.rows, Path(name)))
+            if not running:
                 break
-            scenario, settings = draw(number, options.seed, folder)
-            found = differences(scenario, settings, kept, folder)
-            if options.rows:
-                found += row_differences(campaign(number, options.seed, folder, options.rows), folder)
-            if found:
-                print(f"case {number}: {', '.join(found)}")
-                return 3
-            tripped[len(faultloop.open_log(folder / "case.mcap").trips)] += 1  # of the last that was run
-    told = ", ".join(f"{count} with {trips} trips" for trips, count in sorted(tripped.items()))
-    done = tripped.total()
-    rows = done * options.rows
-    print(
-        f"{done} scenarios, seed {options.seed}: log, run and case are the same, and {rows} rows of"
-        f" campaigns are what run and log say; of the last logs {told}"
-    )
-    return 0
+            future = next(as_completed(running))
+            running.discard(future)
+            lines.append(future.result())
+            file.write(json.dumps(lines[-1]) + "\n")
+            file.flush()
+            for text in lines[-1]["found"]:
+                print(f"scenario {lines[-1]['number']}: {text}", flush=True)
+            if len(lines) % 25 == 0:
+                print(f"{len(lines)} of {count} scenarios", file=sys.stderr, flush=True)
+        for future in running:
+            future.cancel()
+    whole, content = told(lines)
+    print(f"{whole}, seed {options.seed}: log, run, case and row are compared; rows with {content}")
+    if len(lines) == count:
+        from results import keep
+
+        keep(
+            "Campaigns",
+            [("A campaign's row, read back, `run` with nothing kept and its log", f"{whole}; {content}")],
+        )
+    return 3 if any(line["found"] for line in lines) else 0
 
 
 if __name__ == "__main__":
