@@ -1,6 +1,7 @@
 """A campaign's row, its case, `run` and the log of `run` say the same: random scenarios of all kinds.
 
-    python bench/equality.py [CASES] [--seed N] [--first N] [--rows N] [--seconds S] [--workers N] [--results FILE]
+    python bench/equality.py [CASES] [--seed N] [--first N] [--rows N] [--seconds S] [--workers N]
+        [--results FILE]
 
 Scenarios are drawn, and of each a campaign of N rows (20), so many that there are CASES rows (10,000).  Each
 scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept from
