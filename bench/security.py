@@ -1,44 +1,76 @@
 """Security and speed of zone 1 over random faults: wrong answers by kind, times to the start of the zone.
 
-    python bench/security.py [--cases 2000] [--seed 1001] [--kind mixed|long|extreme] [--antialias 1500]
-                             [--estimator METHOD] [--vt ideal|unknown] [--functions]
+    python bench/security.py [--networks 2000] [--faults 1] [--seed 1001] [--kind mixed|long|extreme]
+                             [--workers 1] [--first 0] [--antialias 1500] [--estimator METHOD]
+                             [--vt ideal|unknown] [--functions] [--list] [--out FILE.npy]
 
-A case is a network X - A - B - C drawn by `security_cases.draw` and two relays, at both ends of A - B; each
-has a mho and a quadrilateral of 80 % of the line without delay, a reverse zone of 50 % and one of 120 %.  Its
-trips are not carried out: breakers take longer than zone 1.  The seeds up to 100 served for choosing the
-method and its limits; judge with others.  Some 20 ms a case on a quiet core.  ``--functions``: with every
-other function of the relay at work beside the zones, none of which trips.
+A case is a network X - A - B - C drawn by `security_cases.draw`, a fault in it, and two relays, at both ends
+of A - B, in the closed loop that a campaign runs.  Each has a mho and a quadrilateral of 80 % of the line
+without delay, a reverse zone of 50 % and one of 120 %.  There are no breakers: they take longer than zone 1.
+With ``--faults`` above 1 a network gets so many, four at a place, and a case costs a third (some 8 ms).  The
+seeds up to 100 served for choosing the method and its limits; judge with others.  ``--functions``: with every
+other function of the relay at work beside the zones, none of which trips.  ``--list`` tells every wrong and
+every slow case.  A network's cases depend on the seed, its number and the kind alone: ``--first N --networks
+1`` runs one again.  ``--out`` keeps the answers, a row a relay, and goes on where a run of the same was
+stopped.
 """
 
 from __future__ import annotations
 
 import argparse
-from typing import NamedTuple
+import time
+from functools import partial
+from multiprocessing import Pool
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from security_cases import KINDS, View, draw, record, view
+from security_cases import KINDS, TYPES, another, draw, fault, scenario, view
 
-from faultloop.relay import Relay, RelaySettings
+from faultloop.loop.case import Cases
+from faultloop.loop.recording import MemorySink
+from faultloop.loop.scenario import Scenario
+from faultloop.relay import RelaySettings
 
 MHO, QUAD, REVERSE, FAR = range(4)
 INSIDE, DEPENDABLE, SECURE = 0.6, 0.76, 0.84
 """Of the line: up to here it shall operate soon; up to here, by what a relay measures, at all; from here on
 not at all."""
+WHERE = ("behind", "inside", "beyond", "parallel")
+SLOW_MS = {150: 20.0, 1e9: 30.0}
+"""By the line's length [km]: the limits of the time within `INSIDE`."""
+ANSWER = np.dtype(
+    [(name, "i4") for name in ("network", "fault", "end", "where", "type")]
+    + [(name, "f4") for name in ("at", "sir", "length", "measured")]
+    + [("bolted", "?"), ("before", "?"), ("ms", "f4", 4)]
+)
+"""What one relay did: its place, and when each zone started after the fault [ms], NaN if it did not."""
 
 
-class Answer(NamedTuple):
-    """What one relay did: its place, and when each zone started after the fault [ms], NaN if it did not."""
+class Starts(MemorySink):
+    """Keeps when each zone of each relay starts."""
 
-    number: int
-    view: View
-    before: bool
-    times: tuple[float, ...]
+    def __init__(self) -> None:
+        super().__init__()
+        self.on: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {"RA": [], "RB": []}
 
-    @property
-    def first(self) -> float:
-        """Of zone 1, mho or quadrilateral."""
-        given = [t for t in self.times[:2] if t == t]
-        return min(given, default=np.nan)
+    def add_relay(self, name: str, bits: Any, characteristics: Any = None) -> None:
+        """The zones are the first four bits."""
+        assert [bit.partition(".")[0] for bit in bits[:4]] == [f"PDIS{n}" for n in (1, 2, 3, 4)], bits
+
+    def relay_block(self, name: str, *arrays: np.ndarray) -> None:
+        """Only the pickups and their time."""
+        self.on[name].append((arrays[0].copy(), arrays[5].copy()))
+
+    def of(self, name: str, fault_ns: int) -> tuple[bool, list[float]]:
+        """Whether any zone started before the fault; when each did after it [ms]."""
+        t_ns, pickup = (np.concatenate(column) for column in zip(*self.on[name], strict=True))
+        after = t_ns >= fault_ns
+        times = []
+        for zone in (MHO, QUAD, REVERSE, FAR):
+            at = np.flatnonzero(after & (pickup >> np.uint64(zone) & np.uint64(1)).astype(bool))
+            times.append(1e-6 * (int(t_ns[at[0]]) - fault_ns) if len(at) else np.nan)
+        return bool((pickup[~after] & np.uint64(0b1111)).any()), times
 
 
 def others(case: dict, z1: float, resistive: float) -> dict:
@@ -84,47 +116,71 @@ def settings(case: dict, method: str, vt: str = "ideal", functions: bool = False
     )
 
 
-def answer(case: dict, samples: np.ndarray, start: int, end: int, given: RelaySettings) -> Answer:
-    relay, done = Relay(given), 0
-    pickup = np.empty(len(samples), np.uint64)
-    while done < len(samples):
-        m = relay.advance(samples[done:])
-        pickup[done : done + m] = relay.pickup
-        done += m
-    times = []
-    for zone in (MHO, QUAD, REVERSE, FAR):
-        on = np.flatnonzero(pickup[start:] & np.uint64(1 << zone))
-        times.append(1e3 * on[0] / case["sampling"] if len(on) else np.nan)
-    before = bool((pickup[:start] & np.uint64(0b1111)).any())
-    return Answer(case["number"], view(case, end), before, tuple(times))
+def network(number: int, given: argparse.Namespace) -> np.ndarray:
+    """All faults of a network, (2 * faults,) ANSWER."""
+    case, cases = draw(given.seed, number, given.kind), Cases()
+    base = scenario(case, given.antialias)
+    tables = {name: getattr(base, name) for name in type(base).model_fields}
+    told = settings(case, given.estimator, given.vt, given.functions)
+    answers = np.zeros(2 * given.faults, ANSWER)
+    for n in range(given.faults):
+        this = another(case, n)
+        sink = Starts()
+        ready = Scenario.of_named(tables | {"fault": [{"name": "F1"} | fault(this)]})
+        done = cases.prepare(ready, {"RA": told, "RB": told}).run([sink], texts=False)
+        start = done.fault_start_ns
+        assert start is not None
+        for end, name in enumerate(("RA", "RB")):
+            seen, row = view(this, end), answers[2 * n + end]
+            row["network"], row["fault"], row["end"] = number, n, end
+            row["where"], row["type"] = WHERE.index(seen.where), TYPES.index(this["type"])
+            for key in ("at", "sir", "length", "measured", "bolted"):
+                row[key] = getattr(seen, key)
+            row["before"], row["ms"] = sink.of(name, start)
+    return answers
 
 
-def tell(answers: list[Answer]) -> None:
-    def share(name: str, chosen: list[Answer], wrong: list[Answer]) -> None:
-        print(f"{name:52s} {len(wrong):5d} of {len(chosen)}")
+def told(row: np.ndarray) -> str:
+    """A case for a person."""
+    times = "/".join(f"{ms:.1f}" for ms in row["ms"])
+    return (
+        f"    network {row['network']} fault {row['fault']} end {row['end']}: {WHERE[row['where']]}"
+        f" at {row['at']:.3f}, {TYPES[row['type']]}{'' if row['bolted'] else ' with resistance'}, {row['length']:.0f} km,"
+        f" SIR {row['sir']:.2g}, measured {row['measured']:.3f}; {times} ms"
+    )
+
+
+def tell(a: np.ndarray, listed: bool) -> None:
+    """The figures of (n,) ANSWER."""
+    first = np.fmin(a["ms"][:, MHO], a["ms"][:, QUAD])
+    started = ~np.isnan(a["ms"])
+    any_zone_1 = ~np.isnan(first)
+    at = {name: a["where"] == number for number, name in enumerate(WHERE)}
+
+    def share(name: str, chosen: np.ndarray, wrong: np.ndarray) -> None:
+        wrong = chosen & wrong
+        print(f"{name:52s} {wrong.sum():5d} of {chosen.sum()}")
+        for row in a[wrong] if listed else ():
+            print(told(row))
 
     for bolted in (True, False):
         kind = "bolted" if bolted else "with resistance"
         for where in ("behind", "beyond", "parallel"):
-            chosen = [a for a in answers if a.view.where == where and a.view.bolted == bolted]
-            share(f"zone 1 for a fault {where}, {kind}", chosen, [a for a in chosen if a.first == a.first])
-    far = [a for a in answers if a.view.where == "inside" and a.view.bolted and a.view.at > SECURE]
-    share(f"zone 1 beyond {SECURE:.0%} of the line, bolted", far, [a for a in far if a.first == a.first])
-    behind = [a for a in answers if a.view.where == "behind"]
-    forward = [a for a in behind if a.times[FAR] == a.times[FAR]]
-    share("forward zone of 120 % for a fault behind", behind, forward)
-    ahead = [a for a in answers if a.view.where in ("inside", "beyond")]
-    reverse = [a for a in ahead if a.times[REVERSE] == a.times[REVERSE]]
-    share("reverse zone for a fault ahead", ahead, reverse)
-    share("any start before the fault", answers, [a for a in answers if a.before])
-    inside = [a for a in answers if a.view.where == "inside" and a.view.bolted]
-    near = [a for a in inside if a.view.measured <= DEPENDABLE]
+            share(f"zone 1 for a fault {where}, {kind}", at[where] & (a["bolted"] == bolted), any_zone_1)
+    inside = at["inside"] & a["bolted"]
+    share(f"zone 1 beyond {SECURE:.0%} of the line, bolted", inside & (a["at"] > SECURE), any_zone_1)
+    share("forward zone of 120 % for a fault behind", at["behind"], started[:, FAR])
+    share("reverse zone for a fault ahead", at["inside"] | at["beyond"], started[:, REVERSE])
+    share("any start before the fault", np.ones(len(a), bool), a["before"])
+    near = inside & (a["measured"] <= DEPENDABLE)
     for zone, name in ((MHO, "mho"), (QUAD, "quadrilateral")):
-        missed = [a for a in near if a.times[zone] != a.times[zone]]
-        share(f"no zone 1 ({name}) for {DEPENDABLE:.0%} of the line, bolted", near, missed)
-        for a in missed:
-            print("   ", a.number, a.view, a.times)
-    inside = [a for a in inside if a.view.at <= INSIDE]
+        share(f"no zone 1 ({name}) for {DEPENDABLE:.0%} of the line, bolted", near, ~started[:, zone])
+    within = inside & (a["at"] <= INSIDE)
+    for length, limit in SLOW_MS.items():
+        of_length = within & (a["length"] <= length) & (a["sir"] <= 30) & any_zone_1
+        if limit == SLOW_MS[1e9]:
+            of_length &= a["length"] > min(SLOW_MS)
+        share(f"within {INSIDE:.0%}, SIR to 30, later than {limit:g} ms", of_length, first > limit)
     print(f"\nbolted within {INSIDE:.0%}: start of zone 1 [ms]        median   95 %  worst  missed")
     for name, low, high, least, most in (
         ("to 150 km, SIR 0.1 to 30", 0, 150, 0, 30),
@@ -134,32 +190,54 @@ def tell(answers: list[Answer]) -> None:
         ("SIR 10 to 30", 0, 1e9, 10, 30),
         ("SIR above 30", 0, 1e9, 30, 1e9),
     ):
-        chosen = [a for a in inside if low < a.view.length <= high and least < a.view.sir <= most]
-        t = np.array([a.first for a in chosen if a.first == a.first])
+        chosen = (
+            within & (a["length"] > low) & (a["length"] <= high) & (a["sir"] > least) & (a["sir"] <= most)
+        )
+        t = first[chosen & any_zone_1]
         if len(t):
             figures = f"{np.median(t):6.1f} {np.percentile(t, 95):6.1f} {t.max():6.1f}"
-            print(f"  {name:28s} {len(chosen):6d}           {figures} {len(chosen) - len(t):7d}")
+            print(f"  {name:28s} {chosen.sum():6d}           {figures} {chosen.sum() - len(t):7d}")
+
+
+def answers(given: argparse.Namespace) -> np.ndarray:
+    """Of all networks in order; what `--out` already has is not run again."""
+    done = np.load(given.out) if given.out and given.out.exists() else np.zeros(0, ANSWER)
+    parts, kept = [done], len(done) // (2 * given.faults)
+    numbers = range(given.first + kept, given.first + given.networks)
+    begun = saved = time.monotonic()
+    with Pool(given.workers) as pool:
+        for n, part in enumerate(pool.imap(partial(network, given=given), numbers), 1):
+            parts.append(part)
+            if given.out and (time.monotonic() - saved > 60 or n == len(numbers)):
+                parts, saved = [np.concatenate(parts)], time.monotonic()
+                np.save(given.out.with_suffix(".part.npy"), parts[0])
+                given.out.with_suffix(".part.npy").replace(given.out)
+                print(f"{n} of {len(numbers)} networks, {saved - begun:.0f} s", flush=True)
+    return np.concatenate(parts)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--cases", type=int, default=2000)
+    parser.add_argument("--networks", "--cases", type=int, default=2000)
+    parser.add_argument("--faults", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="number of the first network")
     parser.add_argument("--seed", type=int, default=1001)
+    parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--kind", choices=KINDS, default="mixed")
     parser.add_argument("--antialias", type=float, default=1500.0)
     parser.add_argument("--estimator", default="kalman-bank")
     parser.add_argument("--vt", choices=("ideal", "unknown"), default="ideal", help="what the relay is told")
     parser.add_argument("--functions", action="store_true", help="with every other function")
+    parser.add_argument("--list", action="store_true", help="every wrong and every slow case")
+    parser.add_argument("--out", type=Path, help="a file of answers, to go on with")
     given = parser.parse_args()
-    answers = []
-    for number in range(given.cases):
-        case = draw(given.seed, number, given.kind)
-        samples, start = record(case, given.antialias)
-        told = settings(case, given.estimator, given.vt, given.functions)
-        answers += [answer(case, samples[end], start, end, told) for end in (0, 1)]
-    print(f"{given.kind}, seed {given.seed}, {given.cases} cases, {given.antialias:g} Hz, {given.estimator},"
-          f" VT {given.vt}{', with every function' if given.functions else ''}")  # fmt: skip
-    tell(answers)
+    found = answers(given)
+    print(
+        f"{given.kind}, seed {given.seed}, {given.networks} networks from {given.first}, {given.faults} faults"
+        f" in each, {given.antialias:g} Hz, {given.estimator}, VT {given.vt}"
+        f"{', with every function' if given.functions else ''}"
+    )
+    tell(found, given.list)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ WARM_CYCLES = 20
 DURATION_S = 0.26
 FAULT_LINE = {"behind": "XA", "inside": "AB", "beyond": "BC", "parallel": "PP"}
 VOLTAGE_RISE = 0.2
+PER_PLACE = 4
 
 
 class View(NamedTuple):
@@ -74,25 +75,52 @@ def draw(seed: int, number: int, kind: str) -> dict[str, Any]:
     f0 = int(rng.choice([50, 60]))
     part = 0.1 if rng.random() < 0.2 else 0.02
     case: dict[str, Any] = {"seed": seed, "number": number, "f0": f0, "sampling": SAMPLING_HZ}
+    case |= {"kind": KINDS.index(kind), "fault": 0}
     case["frequency"] = f0 * (1 + float(rng.uniform(-part, part)))
     case["length"] = log_uniform(rng, low, high)
     case["near"], case["far"] = log_uniform(rng, 10, high), log_uniform(rng, 10, high)
     case["line"] = draw_line(rng, f0)
     case["kv"] = float(rng.choice([110, 220, 380, 500]))
-    z1 = math.hypot(case["line"]["r1_ohm_per_km"], case["line"]["x1_ohm_per_km"]) * case["length"]
+    z1 = z1_of(case)
     limit = 1.0 if kind == "extreme" else case["length"] + case["near"] + case["far"]
     case["X"], case["C"] = draw_source(rng, z1, limit), draw_source(rng, z1, limit)
     case["load"] = float(rng.uniform(-40, 40))
     case["parallel"] = bool(rng.random() < 0.2)
+    draw_place(rng, case)
+    draw_fault(rng, case)
+    case["noise"] = 0.001 if rng.random() < 0.5 else 0.0
+    return case
+
+
+def z1_of(case: dict[str, Any]) -> float:
+    """|Z1| of the line A - B [ohm]."""
+    return math.hypot(case["line"]["r1_ohm_per_km"], case["line"]["x1_ohm_per_km"]) * case["length"]
+
+
+def another(case: dict[str, Any], fault: int) -> dict[str, Any]:
+    """The same network with another fault, `PER_PLACE` at a place in turn; number 0 is the case's own."""
+    case = {**case, "fault": fault}
+    place, here = divmod(fault, PER_PLACE)
+    seed = [case["seed"], case["number"], case["kind"], place]
+    if place:
+        draw_place(np.random.default_rng(seed), case)
+    if fault:
+        draw_fault(np.random.default_rng([*seed, here]), case)
+    return case
+
+
+def draw_place(rng: np.random.Generator, case: dict[str, Any]) -> None:
     case["where"] = str(rng.choice(["behind", "inside", "beyond"], p=[0.35, 0.3, 0.35]))
     if case["parallel"] and rng.random() < 0.5:
         case["where"] = "parallel"
     at = float(rng.random() if rng.random() < 0.75 else rng.random() ** 4)  # close to A or B more often
     case["at"] = 1 - at if case["where"] == "behind" else at
+
+
+def draw_fault(rng: np.random.Generator, case: dict[str, Any]) -> None:
+    """Which, when, through what."""
     case["type"], case["angle"] = str(rng.choice(TYPES)), float(rng.uniform(0, 360))
-    case["resistance"] = 0.0 if rng.random() < 0.7 else log_uniform(rng, 0.02, 0.5) * z1
-    case["noise"] = 0.001 if rng.random() < 0.5 else 0.0
-    return case
+    case["resistance"] = 0.0 if rng.random() < 0.7 else log_uniform(rng, 0.02, 0.5) * z1_of(case)
 
 
 def measured(case: dict[str, Any], at: float) -> float:
@@ -125,6 +153,16 @@ def view(case: dict[str, Any], end: int) -> View:
     return View(where, at, sir, case["length"], case["resistance"] == 0.0, seen)
 
 
+def fault(case: dict[str, Any]) -> dict[str, Any]:
+    """Its table."""
+    table = {"line": FAULT_LINE[case["where"]], "at_pu": case["at"], "type": case["type"]}
+    table |= {"angle_deg": case["angle"], "after_s": 0.02}
+    if case["resistance"]:
+        key = "ground_ohm" if case["type"] in ("AG", "BG", "CG") else "resistance_ohm"
+        table[key] = case["resistance"]
+    return table
+
+
 def scenario(case: dict[str, Any], antialias_hz: float) -> Scenario:
     line, frequency = case["line"], case["frequency"]
     lines = [
@@ -134,11 +172,6 @@ def scenario(case: dict[str, Any], antialias_hz: float) -> Scenario:
     ]
     if case["parallel"]:
         lines.append({"name": "PP", "from": "A", "to": "B", "length_km": case["length"], **line})
-    fault = {"line": FAULT_LINE[case["where"]], "at_pu": case["at"], "type": case["type"]}
-    fault |= {"angle_deg": case["angle"], "after_s": 0.02}
-    if case["resistance"]:
-        key = "ground_ohm" if case["type"] in ("AG", "BG", "CG") else "resistance_ohm"
-        fault[key] = case["resistance"]
     source = {"bus": "X", "voltage_pu": 1.02, "frequency_hz": frequency}
     far = {"bus": "C", "angle_deg": -case["load"], "frequency_hz": frequency}
     return Scenario.from_dict(
@@ -147,7 +180,7 @@ def scenario(case: dict[str, Any], antialias_hz: float) -> Scenario:
             "system": {"frequency_hz": case["f0"], "base_kv": case["kv"], "sampling_hz": case["sampling"]},
             "source": [{"name": "SX", **source, **case["X"]}, {"name": "SC", **far, **case["C"]}],
             "line": lines,
-            "fault": [fault],
+            "fault": [fault(case)],
             "relay": [
                 {"name": "RA", "line": "AB", "end": "from", "settings": "none"},
                 {"name": "RB", "line": "AB", "end": "to", "settings": "none"},
