@@ -145,8 +145,8 @@ def told(row: np.ndarray) -> str:
     times = "/".join(f"{ms:.1f}" for ms in row["ms"])
     return (
         f"    network {row['network']} fault {row['fault']} end {row['end']}: {WHERE[row['where']]}"
-        f" at {row['at']:.3f}, {TYPES[row['type']]}{'' if row['bolted'] else ' with resistance'}, {row['length']:.0f} km,"
-        f" SIR {row['sir']:.2g}, measured {row['measured']:.3f}; {times} ms"
+        f" at {row['at']:.3f}, {TYPES[row['type']]}{'' if row['bolted'] else ' with resistance'},"
+        f" {row['length']:.0f} km, SIR {row['sir']:.2g}, measured {row['measured']:.3f}; {times} ms"
     )
 
 
@@ -233,8 +233,8 @@ def main() -> None:
     given = parser.parse_args()
     found = answers(given)
     print(
-        f"{given.kind}, seed {given.seed}, {given.networks} networks from {given.first}, {given.faults} faults"
-        f" in each, {given.antialias:g} Hz, {given.estimator}, VT {given.vt}"
+        f"{given.kind}, seed {given.seed}, {given.networks} networks from {given.first}, {given.faults}"
+        f" faults in each, {given.antialias:g} Hz, {given.estimator}, VT {given.vt}"
         f"{', with every function' if given.functions else ''}"
     )
     tell(found, given.list)
