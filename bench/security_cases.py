@@ -163,7 +163,7 @@ def fault(case: dict[str, Any]) -> dict[str, Any]:
     return table
 
 
-def scenario(case: dict[str, Any], antialias_hz: float) -> Scenario:
+def scenario(case: dict[str, Any], antialias_hz: float, order: int = 2) -> Scenario:
     line, frequency = case["line"], case["frequency"]
     lines = [
         {"name": "XA", "from": "X", "to": "A", "length_km": case["near"], **line},
@@ -187,6 +187,7 @@ def scenario(case: dict[str, Any], antialias_hz: float) -> Scenario:
             ],
             "front_end": {
                 "antialias_hz": antialias_hz,
+                "antialias_order": order,
                 "voltage_noise_v": case["noise"] * 1e3 * case["kv"] / math.sqrt(3),
                 "current_noise_a": case["noise"] * 1e3,
             },

@@ -102,7 +102,7 @@ def measures(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, 
     v, i = loop_voltage(q.x, loop), loop_current(q.x, loop, c.k0)
     if not size2(i) > 0.0:
         return np.nan, np.nan, np.nan
-    x, r = quad_measures(g, q, c, loop, v, i)
+    x, r = quad_measures(g, q, c, loop, v, i, c.tilt)
     if c.characteristic <= OFFSET:
         return mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i), x, r
     return quad_depth(g, q, c, loop, v, i), x, r

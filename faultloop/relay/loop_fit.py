@@ -26,7 +26,7 @@ from faultloop.relay.recent import LENGTH
 
 Record = Any
 Drop = tuple[complex, complex]
-Means = tuple[int, int]
+Means = tuple[int, int, int]
 Sums = tuple[float, float, float, float, float, float, float, float, float]
 
 FIRST = (0, 1, 2, 0, 1, 2)
@@ -50,22 +50,24 @@ def loop_values(r: Record, back: int, loop: int) -> tuple[float, float, float]:
 @njit(heap=True)
 def gather(g: Record, r: Record, drop: Drop, loop: int, means: Means, window: int) -> Sums:
     """Sums over the window of uu uv vv uf ff vf u v f: v the voltage, u the drop along the reach, f the
-    fault's current, each averaged over ``means``, two counts of values, one after the other; ``drop``: the
+    fault's current, each averaged over ``means``, three counts of values, one after the other; ``drop``: the
     reach [ohm], and its part for the residual.
 
-    Travelling waves are no matter of R and L: a second mean takes of them what the first lets through.
+    Travelling waves are no matter of R and L: each mean takes of them what the one before lets through, and
+    three of a length leave the least that so many values can.
     """
     along, residual = drop
-    mean, second = means
+    mean, second, last = means
     # di/dt by the trapezoidal rule, so scaled that it is exact at the nominal frequency.
     rate = 0.5 / math.tan(0.5 * g.turn_per_value)
     v = i = n = 0.0
-    first = window + second - 1
+    first = window + second + last - 2
     for j in range(first, first + mean):
         dv, di, dn = loop_values(r, j, loop)
         v, i, n = v + dv, i + di, n + dn
-    kept = np.empty((3, second))
+    kept, kept_last = np.zeros((3, second)), np.zeros((3, last))
     sum_u = sum_v = sum_f = 0.0
+    last_u = last_v = last_f = 0.0
     uu = uv = vv = uf = ff = vf = 0.0
     u1 = v1 = f1 = 0.0
     for k in range(first):
@@ -79,14 +81,20 @@ def gather(g: Record, r: Record, drop: Drop, loop: int, means: Means, window: in
         u += rate * (along.imag * di + residual.imag * dn)
         v, i, n = v + dv, i + di, n + dn
         place = k % second
-        if k >= second:
-            sum_u, sum_v, sum_f = sum_u - kept[0, place], sum_v - kept[1, place], sum_f - kept[2, place]
+        sum_u, sum_v, sum_f = sum_u - kept[0, place], sum_v - kept[1, place], sum_f - kept[2, place]
         kept[0, place], kept[1, place], kept[2, place] = u, y, f
         sum_u, sum_v, sum_f = sum_u + u, sum_v + y, sum_f + f
-        if k >= second - 1:
-            uu, uv, vv = uu + sum_u * sum_u, uv + sum_u * sum_v, vv + sum_v * sum_v
-            uf, ff, vf = uf + sum_u * sum_f, ff + sum_f * sum_f, vf + sum_v * sum_f
-            u1, v1, f1 = u1 + sum_u, v1 + sum_v, f1 + sum_f
+        if k < second - 1:
+            continue
+        place = k % last
+        last_u, last_v = last_u - kept_last[0, place], last_v - kept_last[1, place]
+        last_f -= kept_last[2, place]
+        kept_last[0, place], kept_last[1, place], kept_last[2, place] = sum_u, sum_v, sum_f
+        last_u, last_v, last_f = last_u + sum_u, last_v + sum_v, last_f + sum_f
+        if k >= second + last - 2:
+            uu, uv, vv = uu + last_u * last_u, uv + last_u * last_v, vv + last_v * last_v
+            uf, ff, vf = uf + last_u * last_f, ff + last_f * last_f, vf + last_v * last_f
+            u1, v1, f1 = u1 + last_u, v1 + last_v, f1 + last_f
     return uu, uv, vv, uf, ff, vf, u1, v1, f1
 
 
@@ -127,9 +135,10 @@ def fit(sums: Sums, sign: int) -> tuple[float, float, float]:
 
 
 @njit
-def doubted(sums: Sums, direction: int, reach: float, doubt: float) -> float:
-    """m with ``doubt`` times what the fit leaves added; infinite for one behind a loop with a direction."""
-    m, left, r = fit(sums, -1 if direction < 0 else 1)
+def doubted(fitted: tuple[float, float, float], direction: int, reach: float, doubt: float) -> float:
+    """m of a `fit` with ``doubt`` times what it leaves added; infinite for one behind a loop with a
+    direction."""
+    m, left, r = fitted
     if direction == 0:
         return abs(m) + doubt * left
     behind = BEHIND[0] + BEHIND[1] * abs(r) / reach + BEHIND[2] * left

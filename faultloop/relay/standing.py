@@ -35,7 +35,7 @@ PHASE_LOOPS = 0b111000
 def last_cycle(g: Record, q: Record, drop: Drop, loop: int) -> Sums:
     """A loop's sums over the last cycle (`gather`); ``drop``: of the reach, and its part for the residual."""
     mean = max(g.values // 12, 1)
-    return gather(g, q.recent, drop, loop, (mean, 1), g.values - mean)
+    return gather(g, q.recent, drop, loop, (mean, 1, 1), g.values - mean)
 
 
 @njit

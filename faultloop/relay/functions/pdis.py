@@ -13,7 +13,8 @@ resistance falls out (ibid., eq. 11), and for the fault resistance
 
 Ip of a ground loop is the negative-sequence part of its current and If = 3/2 (I2 + I0); both of a phase loop
 are the change of the loop current while the memory holds, then (twice) its negative-sequence part, and the
-loop current itself for a balanced fault.  None of these contains the load.
+loop current itself for a balanced fault.  None of these but the last contains the load; it is then turned to
+both sides by as much as load and infeed may turn it, and the greatest m counts.
 
 Where inverters feed the fault the angles of change and negative sequence are those of their control, and of
 no network.  ``polarization = "loop"`` takes the loop's own current for both (over 1 + k0 for a ground loop,
@@ -33,9 +34,9 @@ from pydantic import Field, model_validator
 from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function, Polygon
-from faultloop.relay.loop_fit import FIRST, SECOND, centred, doubted, gather
+from faultloop.relay.loop_fit import FIRST, SECOND, Sums, centred, doubted, fit, gather
 from faultloop.relay.memory import A2, A, at_frequency, size2
-from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
+from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, THREE_PHASE, Record, publish, request_trip
 from faultloop.relay.standing import standing_depth
 from faultloop.relay.unknown_vt import CENTRED_DOUBT, is_believed, is_believed_centred, weakness
 from faultloop.relay.voltages import loops_of
@@ -56,6 +57,10 @@ CROSS_GROUND = complex(0, 1 / 3**0.5)
 CROSS_PHASE = complex(0, -(3**0.5))
 SELF_OFFSET = 0.05
 HYSTERESIS = 1.05
+FALLS = 12.0
+"""How much a sample outside takes from what those inside have counted: as much as one deep inside."""
+TURNED = cmath.rect(1.0, math.radians(20))
+"""How far the current of a balanced fault, which is also the load's, may be from the fault's own."""
 OUTSIDE = np.inf
 YOUNG, DOUBT, STAYS = 4.0, 2.0, 0.5
 """How much what the fit leaves counts against the depth: in the first cycle inside, then, and the part of it
@@ -223,14 +228,16 @@ def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex
 
 
 @njit
-def quad_measures(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> tuple[float, float]:
+def quad_measures(
+    g: Record, q: Record, c: Record, loop: int, v: complex, i: complex, tilt: complex
+) -> tuple[float, float]:
     """m along the reactance line, and the fault resistance R [ohm], positive ahead of the zone."""
     drop = at_frequency(g, q.memory, c.reach) * i
     if c.characteristic == OWN:
         polarizing, fault = i, i / (1.0 + c.k0) if loop < 3 else i
     else:
         polarizing, fault = fault_currents(g, q, loop, i)
-    polarizing = polarizing * c.tilt.conjugate()
+    polarizing = polarizing * tilt.conjugate()
     m = (v * polarizing.conjugate()).imag / (drop * polarizing.conjugate()).imag
     axis = drop.conjugate()
     r = (v * axis).imag / (fault * axis).imag
@@ -240,7 +247,10 @@ def quad_measures(g: Record, q: Record, c: Record, loop: int, v: complex, i: com
 @njit
 def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
     """m of a quadrilateral zone, or the part of its resistive reach, whichever is nearer to its border."""
-    m, r = quad_measures(g, q, c, loop, v, i)
+    m, r = quad_measures(g, q, c, loop, v, i, c.tilt)
+    if loop >= 3 and q.fault == THREE_PHASE and q.memory.age > g.memory and c.characteristic != OWN:
+        for tilt in (c.tilt * TURNED, c.tilt * TURNED.conjugate()):
+            m = max(m, quad_measures(g, q, c, loop, v, i, tilt)[0])
     beside = abs(r) / (c.resistive_ground if loop < 3 else c.resistive_phase)
     if not beside < OUTSIDE:
         return OUTSIDE
@@ -268,6 +278,25 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
 
 
 @njit
+def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: float) -> float:
+    """m of the samples' fit, with ``doubt`` times what it leaves added; no less than by the zone's
+    characteristic for the impedance that was fitted, as phasors on their way cross it."""
+    fitted = fit(sums, -1 if c.direction < 0 else 1)
+    m = doubted(fitted, c.direction, abs(c.reach), doubt)
+    if m >= 1 or q.swing_fault:
+        return m
+    i = loop_current(q.x, loop, c.k0) + (q.mutual if loop < 3 else 0.0)
+    drop = at_frequency(g, q.memory, c.reach) * i
+    residual = q.x[3] + q.x[4] + q.x[5]
+    v = fitted[0] * drop + fitted[2] * (residual if loop < 3 else i)
+    if c.characteristic <= OFFSET:
+        by_characteristic = mho_depth(q, c, loop, v, drop)
+    else:
+        by_characteristic = quad_depth(g, q, c, loop, v, i)
+    return max(m, by_characteristic)
+
+
+@njit
 def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> float:
     """m by the samples of the loop, with ``doubt`` times what the fit leaves added; OUTSIDE for one behind.
 
@@ -278,13 +307,13 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
     drop = c.reach, c.k0 * c.reach
     ratio, m = weakness(g, q), OUTSIDE
     if is_believed(g, q, ratio):
-        means = length // 4, max(length // 8, 1)
-        window = length - means[0] - means[1] + 1
-        m = doubted(gather(g, q.recent, drop, loop, means, window), c.direction, abs(c.reach), doubt)
+        mean = max(length // 8, 1)
+        sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
+        m = fitted_depth(g, q, c, loop, sums, doubt)
     if is_believed_centred(g, q, ratio):
-        means = length // 3, 1
-        sums = centred(gather(g, q.recent, drop, loop, means, length - means[0]), length - means[0])
-        m = min(m, doubted(sums, c.direction, abs(c.reach), CENTRED_DOUBT))
+        mean = length // 3
+        sums = centred(gather(g, q.recent, drop, loop, (mean, 1, 1), length - mean), length - mean)
+        m = min(m, fitted_depth(g, q, c, loop, sums, CENTRED_DOUBT))
     return m
 
 
@@ -364,10 +393,13 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
         if q.fault != 0:
             w.fault = q.fault
     else:
-        if q.fault != w.fault or m >= 1:
+        if q.fault != w.fault:
             w.counter = 0.0
             w.inside = 0
             w.fault = q.fault
+        if m >= 1:
+            w.counter = max(w.counter - FALLS, 0.0)
+            w.inside = 0
         if m < 1:
             w.counter += security_step(m)
             w.inside += 1

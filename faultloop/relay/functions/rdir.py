@@ -2,11 +2,12 @@
 
 First comes the energy of the change (`faultloop.relay.energy`): its sign is right at every moment, while
 phasors still ring.  It stands until something else is seen for a cycle, with phasors that stand still,
-and not in the first two cycles: then the fault has changed sides, or what was switched is no single
-fault; the power of the change must go the other way meanwhile, as a network that resonates near the nominal
-frequency looks capacitive, and its impedance then is that of a fault on the other side.  That, and where the
-energy has no sign, is judged by impedance.  Where PHS tells a fault ahead from one behind in other phases,
-the direction is that of the one ahead.
+and not in the first two cycles: then the fault has changed sides, or what was switched is no single fault.
+The power of the change must go the other way meanwhile, and its energy fall below what it was before: a
+network that resonates near the nominal frequency looks capacitive, and its impedance then is that of a fault
+on the other side; and what rings gives back again and again what it has taken.  That, and where the energy
+has no sign, is judged by impedance.  Where PHS tells a fault ahead from one behind in other phases, the
+direction is that of the one ahead.
 
 What a fault adds to a sequence network has V / I = -Zs of the source behind for a forward fault, and
 plus the impedance of the line and the source ahead for a reverse one; half the line's impedance lies between
@@ -47,6 +48,7 @@ from pydantic import Field, model_validator
 from faultloop.config.tables import Milliseconds, Positive, Table
 from faultloop.errors import InputError
 from faultloop.jit import njit
+from faultloop.relay.energy import POWER
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import positive_sequence, size2, weight
 from faultloop.relay.quantities import Record, indicate
@@ -235,12 +237,34 @@ def agree(w: Record) -> None:
 
 
 @njit
+def watch_floor(g: Record, q: Record, w: Record) -> None:
+    """While nothing speaks against the energy: keep the least of it, counted to its own side, of the last one
+    to two cycles."""
+    e = q.energy
+    sent = -e.direction * (e.before[POWER] + e.now[POWER])
+    w.floor_age += 1
+    if w.floor_age >= g.cycle:
+        w.floor_age = 0
+        w.floor_before, w.floor = w.floor, sent
+    w.floor = min(w.floor, sent)
+
+
+@njit
+def has_gone_back(q: Record, w: Record) -> bool:
+    """Whether the energy is below what it was before something spoke against it: what rings takes back what
+    it has been given, again and again, and no more."""
+    e = q.energy
+    return -e.direction * (e.before[POWER] + e.now[POWER]) < min(w.floor_before, w.floor)
+
+
+@njit
 def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
     """Whether another direction than the energy's has stood for a cycle, with phasors that stand still whose
     power goes that way."""
     still = q.memory.drift < STILL**2 * weight(g, q.d)
     if candidate in (0, q.energy.direction) or not still:
         agree(w)
+        watch_floor(g, q, w)
         return False
     w.contrary += 1
     power = voltage2 = current2 = 0.0
@@ -250,13 +274,15 @@ def contradicts(g: Record, q: Record, w: Record, candidate: int) -> bool:
         current2 += size2(q.d[3 + k])
     w.power += power
     w.apparent += math.sqrt(voltage2 * current2)
-    return w.contrary >= g.cycle and w.power * candidate < -TURNED * w.apparent
+    return w.contrary >= g.cycle and w.power * candidate < -TURNED * w.apparent and has_gone_back(q, w)
 
 
 @njit
 def forget(w: Record) -> None:
     """Back to rest."""
     w.direction = w.candidate = w.count = w.changed = w.crossed = w.fed = w.fed_for = 0
+    w.floor = w.floor_before = 0.0
+    w.floor_age = 0
     agree(w)
 
 
@@ -286,6 +312,7 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
     if q.memory.age <= YOUNG_CYCLES * g.cycle:
         w.changed = 0
         agree(w)
+        watch_floor(g, q, w)
     elif contradicts(g, q, w, candidate):
         w.changed = 1
     w.changed |= w.crossed
@@ -331,6 +358,9 @@ RDIR = Function(
         ("contrary", "i8"),  # samples in a row of something else than the energy's
         ("power", "f8"),  # sums over them: of the change's power ...
         ("apparent", "f8"),  # ... and of what it could be
+        ("floor", "f8"),  # least energy to its own side, of this cycle's part so far ...
+        ("floor_before", "f8"),  # ... and of the cycle before
+        ("floor_age", "i8"),
         ("changed", "i8"),
         ("crossed", "i8"),  # there have been faults on both sides: the energy is that of two
         ("fed", "i8"),  # 1 by inverters, -1 by the synchronous side ...
