@@ -19,21 +19,17 @@ from numpy.typing import NDArray
 from faultloop.jit import njit
 from faultloop.relay.bank import bank_of
 from faultloop.relay.chain import decide
-from faultloop.relay.functions.lphd import cause
-from faultloop.relay.functions.pdis import (
-    BY_PHASORS,
+from faultloop.relay.characteristics import (
     OFFSET,
-    PDIS,
     QUAD,
-    delay,
-    doubt,
     loop_current,
     loop_voltage,
     mho_depth,
     quad_depth,
     quad_measures,
-    zone_depth,
 )
+from faultloop.relay.functions.lphd import cause
+from faultloop.relay.functions.pdis import BY_PHASORS, PDIS, delay, doubt, zone_depth
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 from faultloop.relay.relay import Relay, RelayInputs

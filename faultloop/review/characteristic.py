@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError
 from faultloop.io.mcap_reader import Log
-from faultloop.relay.functions.pdis import (
+from faultloop.relay.characteristics import (
     CROSS,
     CROSS_GROUND,
     CROSS_PHASE,

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from faultloop.errors import InputError, nearest
 from faultloop.io.mcap_reader import Log
+from faultloop.relay.characteristics import CROSS, MEMORY_POLARIZED, OFFSET, OWN, QUAD, SELF
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
-from faultloop.relay.functions.pdis import CROSS, MEMORY_POLARIZED, OFFSET, OWN, QUAD, SELF
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.layout import Instance
 from faultloop.relay.quantities import FAULTS, LOOPS

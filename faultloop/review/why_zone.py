@@ -8,8 +8,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from faultloop.relay.characteristics import QUAD
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
-from faultloop.relay.functions.pdis import MAX_ZONES, QUAD
+from faultloop.relay.functions.pdis import MAX_ZONES
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.quantities import FAULTS, LOOPS
 from faultloop.review.why_stages import Cause, Facts, Verdict

@@ -20,9 +20,10 @@ import numpy as np
 
 from faultloop.config.tables import Table
 from faultloop.jit import njit
+from faultloop.relay.characteristics import loop_current, loop_voltage
 from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
-from faultloop.relay.functions.pdis import FIRST, SECOND, loop_current, loop_voltage
+from faultloop.relay.loop_fit import FIRST, SECOND
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 

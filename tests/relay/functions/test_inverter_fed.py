@@ -11,7 +11,8 @@ import pytest
 
 from faultloop.errors import InputError
 from faultloop.relay import RelaySettings
-from faultloop.relay.functions.pdis import PDIS, quad_measures
+from faultloop.relay.characteristics import quad_measures
+from faultloop.relay.functions.pdis import PDIS
 from faultloop.relay.functions.rdir import RDIR
 from faultloop.relay.quantities import FAULTS
 from tests.relay.functions.kernel import GIVEN, Kernel
@@ -113,7 +114,7 @@ def test_the_loops_own_current_gives_place_and_resistance_whatever_feeds_it(loop
     through = i / (1 + k0) if loop < 3 else i  # the fault's: without infeed from the far end
     v = 0.6 * z1 * i + 4.0 * through
     k.disturb(np.zeros(6), np.zeros(6))
-    m, r = quad_measures(k.g, k.q, k.c, loop, v, i)
+    m, r = quad_measures(k.g, k.q, k.c, loop, v, i, k.c.tilt)
     if loop < 3:  # across the resistance the reach's own angle and 1 + k0 are 4 degrees apart
         assert m == pytest.approx(0.75, abs=0.02)
     else:

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from faultloop.relay.characteristics import quad_measures
 from faultloop.relay.functions.pdis import PDIS, depth
 from faultloop.relay.quantities import FAULTS, LOOPS, THREE_PHASE
 from tests.relay.functions.kernel import Kernel
@@ -65,6 +66,19 @@ def test_beyond_the_reach_or_behind_nothing_starts() -> None:
         k, said = zone("BC", at, reach_pu=0.8, **more)
         k.step(count=500, **said)
         assert (k.q["pickup"], k.q["inside"]) == (0, 0), at
+
+
+def test_a_balanced_fault_when_the_memory_has_ended_is_no_nearer_by_the_load() -> None:
+    """Through 8 ohm at 86 %, 40 degrees of load: by the fault's current beyond 80 %, by the loop's within."""
+    network = Network(angle_deg=-40.0)
+    k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8, "tilt_deg": 0.0} | QUAD)
+    k.disturb(network.solve(), network.solve("ABC", 0.86, 8.0))
+    k.q["fault"], k.q["polarizing"] = THREE_PHASE, network.solve()[0]
+    assert depth(k.g, k.q, k.c, 3) > 1.0
+    k.q["memory"]["age"] = k.g["memory"] + 1
+    v, i = k.q["x"][0] - k.q["x"][1], k.q["x"][3] - k.q["x"][4]
+    assert quad_measures(k.g, k.q, k.c, 3, v, i, k.c["tilt"])[0] < 1.0
+    assert depth(k.g, k.q, k.c, 3) > 1.0
 
 
 def test_the_timer_counts_from_the_start_and_each_kind_has_its_own() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from faultloop.relay.functions.rdir import RDIR
@@ -69,8 +70,28 @@ def test_it_is_given_up_after_a_cycle_of_something_else_that_stands_still() -> N
     k.q["memory"]["drift"] = float("inf")
     k.step()
     k.q["memory"]["drift"], k.q["d"][:3] = 0.0, power
+    k.q["energy"]["now"][0] = -1.0  # and what it has brought is on its way back
     k.step(count=CYCLE - 1)
     assert k.q["direction"] == -1
+    k.step()
+    assert k.q["direction"] == 1
+
+
+def test_what_rings_gives_back_what_it_has_taken_and_no_more() -> None:
+    """A network that resonates: power goes the other way for cycles, between bounds that it had before."""
+    k = fault(NETWORKS["strong"], "AG", 0.5, 2 * CYCLE)
+    k.q["energy"]["direction"] = -1
+    k.q["memory"]["drift"] = float("inf")
+    for t in range(3 * CYCLE):  # rises while it rings
+        k.q["energy"]["now"][0] = 10.0 + 5.0 * np.sin(2 * np.pi * t / CYCLE)
+        k.step()
+    k.q["memory"]["age"] = 2 * CYCLE + 1
+    k.q["memory"]["drift"] = 0.0
+    for t in range(5 * CYCLE):
+        k.q["energy"]["now"][0] = 10.0 + 4.9 * np.sin(2 * np.pi * t / CYCLE)
+        k.step()
+        assert k.q["direction"] == -1
+    k.q["energy"]["now"][0] = 4.0
     k.step()
     assert k.q["direction"] == 1
 
