@@ -69,6 +69,8 @@ STILL = 0.05
 _AWAY = {"none": 0, "behind": 1, "ahead": -1}
 """Where a fault is that only inverters feed through the relay's place."""
 SOURCE_MARGIN = 1.25
+GROUND_IN_SWING = 0.5
+"""Of the least unbalance: above it I0 tells the side of a fault in a swing."""
 AT_THE_RELAY = 0.01
 """Of the line: nearer to the relay a place by impedance alone has no side."""
 
@@ -197,7 +199,7 @@ def in_swing(g: Record, q: Record, c: Record) -> int:
     least = g.minimum_unbalance**2 * size2(i1)
     if size2(i2) > least:
         return by_impedance(c, projection(v2, i2, g.z1), size2(i2), g.z1)
-    if size2(i0) > least:
+    if size2(i0) > GROUND_IN_SWING**2 * least:  # I0 is no image of the slip in the estimate, as I2 may be
         return by_impedance(c, projection(v0, i0, g.z0), size2(i0), g.z0)
     return 0
 
