@@ -45,7 +45,7 @@ from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import size2
 from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, request_trip
-from faultloop.relay.standing import PHASE_LOOPS, standing
+from faultloop.relay.standing import ASIDE, PHASE_LOOPS, standing
 from faultloop.relay.swing import TRACK
 from faultloop.relay.swing_rule import check, inner_ohm, polygons, reaches
 
@@ -262,9 +262,18 @@ def out_of_step(g: Record, q: Record, c: Record, w: Record) -> None:
 
 
 @njit
+def is_on_line(g: Record, w: Record) -> bool:
+    """Whether the impedance has jumped on the line, currents balanced, and stays there: what rings on a long
+    line may keep its loops from standing still."""
+    beside = abs(w.beside) < ASIDE * (abs(g.z1) + abs(w.along))
+    still = w.unbalanced == 0 and 2 * w.quick < RESTS
+    return w.cause == JUMPED and w.in_inner and w.age > g.cycle and beside and still
+
+
+@njit
 def is_over(g: Record, q: Record, c: Record, w: Record) -> bool:
     """Whether a fault in the swing has gone: for three quarters of a cycle nothing says that it is there."""
-    says = w.unbalanced > 0 or q.standing != 0 or w.dwell > c.release
+    says = w.unbalanced > 0 or q.standing != 0 or w.dwell > c.release or is_on_line(g, w)
     w.silent = 0 if says else w.silent + 1
     return 4 * w.silent >= 3 * g.cycle and 4 * w.age >= 5 * g.cycle
 
@@ -336,14 +345,16 @@ def lead_fault(g: Record, q: Record, w: Record) -> None:
     one = q.standing != 0 and still != PHASE_LOOPS
     w.apart = g.cycle // 2 if w.unbalanced or one else max(w.apart - 1, 0)
     all_still = still == PHASE_LOOPS and w.unbalanced <= g.cycle
+    on_line = is_on_line(g, w)
     waits = 4 * w.age < g.cycle and w.cause != STANDS
     waits |= q.standing == 0 and 2 * w.age < 3 * g.cycle and not swing.is_clear(g, q)
-    if waits or (w.apart == 0 and still != PHASE_LOOPS and w.cause != TOO_LONG):
+    told = w.apart or still == PHASE_LOOPS or on_line or w.cause == TOO_LONG
+    if (waits and not on_line) or not told:
         q.swing_fault = swing.YOUNG
         q.blocked_zones = ALL_ZONES
         return
     swing.feed(q)
-    q.swing_fault = swing.UNBALANCED if w.apart and not all_still else swing.BALANCED
+    q.swing_fault = swing.UNBALANCED if w.apart and not (all_still or on_line) else swing.BALANCED
     swing.without_swing(q, q.fault == THREE_PHASE)
     q.memory.drift = np.inf
     q.memory.age = max(q.memory.age, g.cycle + 1)
