@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from faultloop.errors import InputError
+from faultloop.loop.scenario import Scenario
+from faultloop.plant import Plant
 from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.functions.rpsb import RPSB
 from tests.relay import swings
@@ -206,6 +208,49 @@ def test_a_fault_behind_in_a_swing_is_none_ahead_while_it_comes_and_goes(
         angle = sign * swings.slipping(network, slip, start_s + 0.4, load_deg=load_deg)
         x = swings.samples(network, angle, kind, -1.0, start_s, end_s=start_s + 0.15)
         assert trips(relay(BOXES), x) == [], sign
+
+
+def on_bergeron_lines(angle: np.ndarray, kind: str, at: float, start_s: float) -> np.ndarray:
+    """(n, 6) at A of lines X - A - B - C of 50, 100 and 50 km, whose source at C has these angles, with a
+    fault on A - B; a second of the steady state comes first."""
+    line = {"model": "bergeron", "r1_ohm_per_km": 0.03, "x1_ohm_per_km": 0.3, "b1_us_per_km": 3.5}
+    line |= {"r0_ohm_per_km": 0.12, "x0_ohm_per_km": 0.9, "b0_us_per_km": 2.2}
+    ends = (("X", "A", 50.0), ("A", "B", 100.0), ("B", "C", 50.0))
+    points = range(0, len(angle), 24)
+    data: dict[str, Any] = {
+        "scenario": {"name": "swing", "duration_s": len(angle) / 4800},
+        "system": {"frequency_hz": 50, "base_kv": 230, "sampling_hz": 4800},
+        "source": [
+            {"name": "SX", "bus": "X", "z1_ohm": [1.18, 14.17], "z0_ohm": [1.77, 17.71]},
+            {"name": "SC", "bus": "C", "z1_ohm": [3.48, 41.76], "z0_ohm": [6.96, 69.6]},
+        ],
+        "swing": [
+            {
+                "source": "SC",
+                "at_s": [k / 4800 for k in points],
+                "angle_deg": [float(angle[k]) for k in points],
+            }
+        ],
+        "line": [{"name": a + b, "from": a, "to": b, "length_km": km, **line} for a, b, km in ends],
+        "relay": [{"name": "RA", "line": "AB", "end": "from", "settings": "none"}],
+        "fault": [{"line": "AB", "at_pu": at, "type": kind, "start_s": start_s}],
+        "front_end": {"antialias_hz": 1500},
+    }
+    plant = Plant(Scenario.from_dict(data))
+    rows = [plant.history(4800)[:, 0].copy()]
+    while plant.sample_count < len(angle):
+        plant.advance(len(angle) - plant.sample_count)
+        rows.append(plant.samples[:, 0].copy())
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize("kind", ["ABC", "ABCG"])
+def test_a_three_phase_fault_in_a_swing_trips_where_lines_ring(kind: str) -> None:
+    """Its loops do not stand still, as they ring: it was a swing again, for ever."""
+    angle = -swings.stable(NETWORK, 3.0, 91.81, 0.7)
+    found = trips(relay(BOXES), on_bergeron_lines(angle, kind, 0.774, 0.5123))
+    assert found
+    assert 0 < found[0][0] - 1.5123 < 0.06
 
 
 def osc_relay(method: str, rpsb: dict[str, Any] | None) -> Relay:
