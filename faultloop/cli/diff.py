@@ -29,7 +29,7 @@ def command(
     """Compare two logs: the first differing field and time.  Exit status 3 where they differ."""
     from tempfile import TemporaryDirectory
 
-    from faultloop.cli.output import print_json, warn_of
+    from faultloop.cli.output import print_json, reading, warn_of
     from faultloop.errors import InputError
     from faultloop.io.diff import diff_logs
     from faultloop.io.mcap_reader import open_log
@@ -39,7 +39,8 @@ def command(
     one, tolerances = open_log(a), _tolerances(tolerance or [])
     with TemporaryDirectory() as folder:
         other = open_log(_run_again(one, Path(folder)) if b is None else b)
-        result = diff_logs(one, other, ignore or [], tolerances)
+        with reading(one):
+            result = diff_logs(one, other, ignore or [], tolerances)
         warnings = warn_of(one, other)
         del other
     if json:

@@ -33,7 +33,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Write a log, or a part of it, in another format."""
-    from faultloop.cli.output import print_json, warn_of
+    from faultloop.cli.output import print_json, reading, warn_of
     from faultloop.cli.terminal import say
     from faultloop.errors import InputError
     from faultloop.io.mcap_reader import open_log
@@ -45,24 +45,25 @@ def command(
         )
     opened = open_log(log)
     written: list[Path] = []
-    if comtrade is not None:
-        from faultloop.review.export import log_to_comtrade
+    with reading(opened):
+        if comtrade is not None:
+            from faultloop.review.export import log_to_comtrade
 
-        written += log_to_comtrade(opened, comtrade, relay=relay, revision=revision, format=format)
-    if parquet is not None or csv is not None:
-        from faultloop.io.tables import write_csv, write_parquet
+            written += log_to_comtrade(opened, comtrade, relay=relay, revision=revision, format=format)
+        if parquet is not None or csv is not None:
+            from faultloop.io.tables import write_csv, write_parquet
 
-        written += write_parquet(opened, parquet) if parquet is not None else []
-        written += write_csv(opened, csv) if csv is not None else []
-    if can is not None:
-        from faultloop.review.export import log_to_can
+            written += write_parquet(opened, parquet) if parquet is not None else []
+            written += write_csv(opened, csv) if csv is not None else []
+        if can is not None:
+            from faultloop.review.export import log_to_can
 
-        written += log_to_can(opened, can)
-    if pcap is not None or scl is not None:
-        from faultloop.review.process_bus import log_to_pcap, log_to_scl
+            written += log_to_can(opened, can)
+        if pcap is not None or scl is not None:
+            from faultloop.review.process_bus import log_to_pcap, log_to_scl
 
-        written += log_to_pcap(opened, pcap) if pcap is not None else []
-        written += log_to_scl(opened, scl) if scl is not None else []
+            written += log_to_pcap(opened, pcap) if pcap is not None else []
+            written += log_to_scl(opened, scl) if scl is not None else []
     warnings = warn_of(opened)
     if json:
         print_json({"written": [str(path) for path in written], "warnings": warnings})

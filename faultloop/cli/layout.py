@@ -23,6 +23,7 @@ def command(
     import json
     import xml.etree.ElementTree as ET
 
+    from faultloop.cli.output import reading, warn_of
     from faultloop.cli.terminal import say
     from faultloop.errors import InputError
     from faultloop.io import layouts
@@ -34,7 +35,8 @@ def command(
         raise InputError("give --foxglove F.json, --plotjuggler F.xml or --view V.mcap", key="layout")
     opened = open_log(log)
     beside = view or log.with_suffix(".view.mcap")
-    written = [write_view(opened, beside)]
+    with reading(opened):
+        written = [write_view(opened, beside)]
     if foxglove is not None:
         with write_aside(foxglove, ".json") as aside:
             aside.write_text(json.dumps(layouts.foxglove(opened), indent=1) + "\n", encoding="utf-8")
@@ -45,6 +47,7 @@ def command(
         with write_aside(plotjuggler, ".xml") as aside:
             ET.ElementTree(tree).write(aside, encoding="utf-8", xml_declaration=True)
         written.append(plotjuggler)
+    warn_of(opened)
     for path in written:
         say(f"wrote {path}")
     return 0

@@ -23,12 +23,15 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Where the fault is, from both ends of its line."""
-    from faultloop.cli.output import print_json
+    from faultloop.cli.output import print_json, reading, warn_of
     from faultloop.cli.terminal import say
     from faultloop.io.mcap_reader import open_log
     from faultloop.review.locate import locate
 
-    found = locate(open_log(one), open_log(other), (relay_a, relay_b), synchronised)
+    logs = open_log(one), open_log(other)
+    with reading(*logs):
+        found = locate(*logs, (relay_a, relay_b), synchronised)
+    warn_of(*logs)
     if json:
         print_json(asdict(found))
         return 0

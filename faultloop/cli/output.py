@@ -86,6 +86,19 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None] | None]:
         yield lambda part: bar.update(task, completed=part)
 
 
+@contextmanager
+def reading(*logs: Log) -> Iterator[None]:
+    """A bar while logs are read, for each pass over one anew; nothing where standard error is no terminal."""
+    with progress_bar("reading") as progress:
+        for log in logs:
+            log.progress = progress
+        try:
+            yield
+        finally:
+            for log in logs:
+                log.progress = None
+
+
 def serve(stream: RerunSink | None) -> None:
     """Keep a stream that viewers connect to alive until Ctrl-C."""
     if stream is not None and stream.url is not None:

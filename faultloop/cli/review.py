@@ -21,7 +21,7 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """What happened in a log: a summary, and plots where asked for."""
-    from faultloop.cli.output import console, print_json, serve, warn_of
+    from faultloop.cli.output import console, print_json, reading, serve, warn_of
     from faultloop.cli.terminal import say
     from faultloop.io.mcap_reader import open_log
     from faultloop.review.facts import as_json
@@ -29,7 +29,8 @@ def command(
     from faultloop.review.text import print_review
 
     opened = open_log(log)
-    summary = summarize(opened)
+    with reading(opened):
+        summary = summarize(opened)
     told = summary
     if secondary:
         from faultloop.errors import InputError
@@ -42,12 +43,14 @@ def command(
     if png is not None:
         from faultloop.review.plot import write_png
 
-        write_png(opened, summary, png)
+        with reading(opened):
+            write_png(opened, summary, png)
         written.append(png)
     if html is not None:
         from faultloop.review.page import write_html
 
-        write_html(opened, summary, html)
+        with reading(opened):
+            write_html(opened, summary, html)
         written.append(html)
     warn_of(opened)
     if json:
@@ -59,5 +62,7 @@ def command(
     if rerun is not None:
         from faultloop.review.rerun import show
 
-        serve(show(opened, summary, rerun))
+        with reading(opened):
+            stream = show(opened, summary, rerun)
+        serve(stream)
     return 0

@@ -23,19 +23,20 @@ def command(
     ] = False,
 ) -> int:
     """Why it tripped, and why it did not: each function, its depth, its timer, and what stopped it."""
-    from faultloop.cli.output import announce_compilation, print_json, warn_of
+    from faultloop.cli.output import announce_compilation, print_json, reading, warn_of
     from faultloop.io.mcap_reader import open_log
     from faultloop.review.summary import summarize
     from faultloop.review.why import at_instant, why
 
     announce_compilation()
     opened = open_log(log)
-    summary = summarize(opened)
-    if at is not None:
-        names = list(summary.relays) if relay is None else [relay]
-        found: list[Any] = [at_instant(opened, summary, name, at, function) for name in names]
-    else:
-        found = [vars(reason) for reason in why(opened, summary, relay, function)]
+    with reading(opened):
+        summary = summarize(opened)
+        if at is not None:
+            names = list(summary.relays) if relay is None else [relay]
+            found: list[Any] = [at_instant(opened, summary, name, at, function) for name in names]
+        else:
+            found = [vars(reason) for reason in why(opened, summary, relay, function)]
     warn_of(opened)
     if json:
         print_json(found)

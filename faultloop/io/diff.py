@@ -93,7 +93,9 @@ def diff_logs(
             result.topics.append((topic, "a" if side is a else "b"))
     tallies = [_Tally(topic, ignore, tolerances) for topic in shared]
     edges = sorted({edge for log in (a, b) for span in log.windows() for edge in span})
-    for span in pairwise(edges):  # so that logs of any length are compared in a memory that is bounded
+    for place, span in enumerate(pairwise(edges)):  # logs of any length in a memory that is bounded
+        if a.progress is not None:
+            a.progress(place / len(edges))
         for tally in tallies:
             tally.take(a.array(tally.topic, *span), b.array(tally.topic, *span))
     result.fields = [found for tally in tallies for found in tally.differences()]

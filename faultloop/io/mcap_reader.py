@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import mmap
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -18,13 +19,15 @@ from faultloop.io.mcap_contents import Contents, Segment
 from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC
 from faultloop.io.mcap_messages import MessageReader
 from faultloop.io.messages import Message, array_dtype, message_of, source_of
-from faultloop.io.notebook import figure, frame, log_html
+from faultloop.io.notebook import POINTS, figure, frame, log_html, thinned
 from faultloop.io.output_file import parts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WINDOW_BYTES = 1 << 24
+FRAME_BYTES = 1 << 32
+"""Of a data frame, at most."""
 MOST_NS = 1 << 62  # beyond every time of a log, both ways, and still an int64 with a start added
 
 
@@ -62,6 +65,7 @@ class Log:
     relays, breakers : names, in the order of the file.
     metadata, attachments : metadata records and contents, by name.
     warnings : what is damaged and was left out or found in another way, one line each; reading may add some.
+    progress : called by whatever reads the whole log in stretches, with the part that is read, 0 to 1.
     """
 
     def __init__(self, path: Path, data: mmap.mmap | bytes) -> None:
@@ -71,6 +75,7 @@ class Log:
         self.warnings = self._contents.warnings
         self._channels = self._contents.channels
         self._arrays: dict[str, np.ndarray] = {}
+        self.progress: Callable[[float], None] | None = None
         self._spans: np.ndarray | None = None  # of the segments [ns since the start], (n, 2)
         self.start_ns = self._start_ns()
         self._reader = MessageReader(self._contents, self.start_ns)
@@ -89,21 +94,45 @@ class Log:
         return log_html(repr(self).strip("<>"), self.trips, self.events)
 
     def plot(self, relay: str | None = None) -> Figure:
-        """Voltages and currents of a relay, or of all side by side, with the trips: a matplotlib Figure."""
+        """Voltages and currents of a relay, or of all side by side, with the trips: a matplotlib Figure.  Of
+        more samples than a picture has points the least and the greatest of each few are drawn."""
         names = self.relays if relay is None else (relay,)
         marks = [(trip.t_ns, f"{trip.source} {trip.function}") for trip in self.trips]
-        return figure({name: self.samples(name) for name in names}, marks)
+        return figure({name: self._drawn(name) for name in names}, marks)
 
-    def to_pandas(self, relay: str | None = None) -> Any:
-        """A DataFrame of a relay, the first by default, a row a sample (`faultloop.io.notebook.frame`).
+    def _drawn(self, relay: str) -> np.ndarray:
+        topic = table.SAMPLED_VALUES.topic_for(relay)
+        every = -(-self._count(topic) // POINTS)
+        if every < 2:
+            return self.array(topic)
+        return np.concatenate([thinned(self.array(topic, *span), every) for span in self.stretches()])
 
-        Raises InputError without pandas, and for a relay that the log does not have.
+    def _count(self, topic: str) -> int:
+        counts = self._contents.counts()
+        return sum(counts.get(channel.id, 0) for channel in self._channels.get(topic, ()))
+
+    def to_pandas(
+        self, relay: str | None = None, from_ns: int | None = None, to_ns: int | None = None
+    ) -> Any:
+        """A DataFrame of a relay, the first by default, a row a sample (`faultloop.io.notebook.frame`);
+        ``from_ns`` (included) and ``to_ns`` (not included) give a part of it.
+
+        Raises InputError without pandas, for a relay that the log does not have, and for a whole log that
+        would take more than 4 GB of memory.
         """
         name = relay if relay is not None else (self.relays[0] if self.relays else "")
         there = {m.name: t for m in table.SAMPLED if (t := m.topic_for(name)) in self.topics}
         if not there:
             raise InputError(f"no relay '{name}'; {nearest(name, self.relays)}", file=self.path)
-        return frame({what: self.array(topic) for what, topic in there.items()}, self.bits(name))
+        span = () if from_ns is None and to_ns is None else (from_ns, to_ns)
+        row = sum(array_dtype(m).itemsize for m in table.SAMPLED) + sum(map(len, self.bits(name).values()))
+        most = max(self._count(topic) for topic in there.values())
+        if not span and most * row > FRAME_BYTES:
+            what = (
+                f"{most} samples of {name} are a frame of {most * row / 1e9:.0f} GB: give from_ns and to_ns"
+            )
+            raise InputError(f"{what}, or make tables by faultloop export --parquet", file=self.path)
+        return frame({what: self.array(topic, *span) for what, topic in there.items()}, self.bits(name))
 
     def _start_ns(self) -> int:
         """As the run noted it; the first message's time where that is missing or cannot be."""
@@ -141,6 +170,14 @@ class Log:
                 held = 0
             held += segment.head.size if segment.head else segment.stop - segment.start
         return list(pairwise([*edges, MOST_NS]))
+
+    def stretches(self, size: int = WINDOW_BYTES) -> Iterator[tuple[int, int]]:
+        """The same one by one; ``progress`` is told how far that is."""
+        windows = self.windows(size)
+        for place, span in enumerate(windows):
+            if self.progress is not None:
+                self.progress(place / len(windows))
+            yield span
 
     def array(self, topic: str, from_ns: int | None = None, to_ns: int | None = None) -> np.ndarray:
         """All messages of a topic: a structured array (n,), ``t_ns`` [ns since the start], then the fields.

@@ -15,8 +15,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#D55E00", "#009E73", "#0072B2")  # apart for the colour-blind too (Okabe and Ito 2008)
+POINTS = 20_000
+"""Of a curve in a figure, which is some hundred pixels wide."""
 Arrays = Mapping[str, np.ndarray]
 """Of one relay: "samples", "phasors", "loops", "elements", those there are, as the log's reader has them."""
+
+
+def thinned(rows: np.ndarray, every: int) -> np.ndarray:
+    """Of each ``every`` sampled values the least and the greatest of every channel, as two rows."""
+    starts = np.arange(0, len(rows), every)
+    out = np.repeat(rows[starts], 2)
+    if len(rows):
+        out["t_ns"][1::2] = rows["t_ns"][np.minimum(starts + every // 2, len(rows) - 1)]
+        for name in CHANNELS:
+            out[name][::2] = np.fmin.reduceat(rows[name], starts)
+            out[name][1::2] = np.fmax.reduceat(rows[name], starts)
+    return out
 
 
 def figure(relays: Mapping[str, np.ndarray], marks: Sequence[tuple[int, str]]) -> Figure:

@@ -354,7 +354,7 @@ def log_to_rerun(log: Log, target: str, more: Callable[[RerunSink], None] | None
     if more is not None:
         more(sink)
     changing = _changing(log)
-    for span in log.windows():
+    for span in log.stretches():
         for entry in log.entries(*RARE, from_ns=span[0], to_ns=span[1]):
             if entry.topic == RECORD_DIGITAL.topic and entry.fields["number"] not in changing:
                 continue

@@ -86,7 +86,7 @@ def _write_relay(writer: Writer, log: Log, name: str, every: int) -> None:
     schema = writer.register_schema(message.full_name, "protobuf", schema_bytes(message))
     channel = writer.register_channel(view_topic(name), "protobuf", schema)
     make, last, count = message_class(message), (0, 0), 0
-    for span in log.windows():
+    for span in log.stretches():
         phasors, elements = log.phasors(name, *span), log.elements(name, *span)
         n = min(len(phasors), len(elements))
         words = np.stack([elements["pickup"][:n], elements["operate"][:n]], axis=1)

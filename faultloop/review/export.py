@@ -78,7 +78,7 @@ def log_to_can(log: Log, path: Path) -> list[Path]:
             Frame(entry.id, entry.data, entry.extended, entry.fd, entry.fd),
             entry.direction == "tx",
         )
-        for span in log.windows()
+        for span in log.stretches()
         for entry in log.entries(CAN_FRAME, from_ns=span[0], to_ns=span[1])
     )
     return [write_can_log(path, frames)]
@@ -87,7 +87,7 @@ def log_to_can(log: Log, path: Path) -> list[Path]:
 def _rows(log: Log, names: Sequence[str]) -> Iterator[list[RelayRows]]:
     """Relays' samples and elements, stretch by stretch, at the times at which any of them was sampled: one
     may have been away for a while, or a run cut off."""
-    for span in log.windows():
+    for span in log.stretches():
         found = [relay_rows(log, name, *span, kinds=(SAMPLED_VALUES, ELEMENTS)) for name in names]
         t_ns = found[0].t_ns
         if any(not np.array_equal(rows.t_ns, t_ns) for rows in found):

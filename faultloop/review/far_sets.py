@@ -63,7 +63,7 @@ class FarSets:
 
     def _read(self, log: Log) -> Iterator[tuple[int, Frame]]:
         """Frames of the log that a channel carries, and of time, stretch by stretch."""
-        for span in log.windows() if CAN_FRAME.topic in log.topics else ():
+        for span in log.stretches() if CAN_FRAME.topic in log.topics else ():
             for entry in log.entries(CAN_FRAME, from_ns=span[0], to_ns=span[1]):
                 if entry.extended or not (entry.id & ~0xF in FAR or entry.id == Kind.TIME_SYNC):
                     continue
@@ -83,8 +83,8 @@ class FarSets:
         t_ns = self._arrivals.next_ns if self._next is None else min(self._next[0], self._arrivals.next_ns)
         return max(self._clock.first_from(t_ns), number + 1) if t_ns < FOREVER else FOREVER
 
-    def give(self, number: int) -> None:
-        """To the relay, whatever had arrived by the time of this sample."""
+    def give(self, number: int) -> bool:
+        """To the relay, whatever had arrived by the time of this sample; whether there was something."""
         t_ns, taken = self._clock.ns(number), False
         self._look(t_ns)
         while self._next is not None and self._next[0] <= t_ns:
@@ -101,6 +101,7 @@ class FarSets:
             taken |= self._take(t_ns)
         if taken:
             give_first(self._node.nodes, self._node.place, *records_of(self._relay))
+        return taken
 
     def _look(self, t_ns: int) -> None:
         """At what the sample before has compared."""

@@ -15,6 +15,7 @@ from faultloop.review.view import LOOP_COLOURS, RelayView, Zones, extent_ohm, lo
 Shapes = Mapping[str, NDArray[np.float64]]
 INK, FAINT, ZONE = "#222222", "#70757C", "#26436B"
 DOT_MS = 5.0
+PAPER = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.85}
 
 
 def impedance_plane(
@@ -27,17 +28,21 @@ def impedance_plane(
     shapes = zone_shapes(zones, loop)
     _frame(axes, extent_ohm(shapes, z1, view))
     for shade, (zone, polygon) in enumerate(shapes.items()):
-        _zone(axes, zone, (polygon, now.get(zone)), max(1 - 0.2 * shade, 0.35))
+        _zone(axes, (polygon, now.get(zone)), max(1 - 0.2 * shade, 0.35))
     if now and loop and view.facts.fault:
         text = f"zones at {view.facts.fault.ms:.0f} ms; dashed: as set"
-        axes.text(0.985, 0.05, text, transform=axes.transAxes, size=8, color=FAINT, ha="right")
+        axes.text(0.985, 0.05, text, transform=axes.transAxes, size=8, color=FAINT, ha="right", bbox=PAPER)
     if z1 is not None:
         axes.plot([0, z1.real], [0, z1.imag], color=INK, lw=2.2, marker="o", ms=4, zorder=3)
-        axes.annotate("line", (z1.real, z1.imag), (7, 1), textcoords="offset points", size=8.5, va="center")
-    _loci(axes, view, locus_ms(summary, view), loop.loop if loop else None)
+    way = _loci(axes, view, locus_ms(summary, view), loop.loop if loop else None)
     if loop:
         _final_point(axes, loop)
     _load(axes, view.facts.load_ohm)
+    axes.apply_aspect()
+    busy = np.concatenate([axes.transData.transform(_strewn(one)) for one in (way, np.array([0, z1 or 0]))])
+    if z1 is not None:
+        _name_line(axes, z1, busy)
+    _name_zones(axes, {zone: now.get(zone, polygon) for zone, polygon in shapes.items()}, busy)
 
 
 def _frame(axes: Axes, extent: NDArray[np.float64]) -> None:
@@ -56,9 +61,7 @@ def _frame(axes: Axes, extent: NDArray[np.float64]) -> None:
     axes.set_ylabel("X [Ω primary]")
 
 
-def _zone(
-    axes: Axes, zone: str, shape: tuple[NDArray[np.float64], NDArray[np.float64] | None], alpha: float
-) -> None:
+def _zone(axes: Axes, shape: tuple[NDArray[np.float64], NDArray[np.float64] | None], alpha: float) -> None:
     polygon, now = shape
     if now is None:
         axes.fill(*polygon.T, fc=ZONE, alpha=0.05, lw=0)
@@ -66,15 +69,59 @@ def _zone(
         axes.plot(*now.T, color=ZONE, lw=1.4, alpha=alpha)
     width, shade, line = (1.4, alpha, "-") if now is None else (0.9, 0.5, (0, (3, 3)))
     axes.plot(*polygon.T, color=ZONE, lw=width, alpha=shade, ls=line)
-    side = 1 if polygon[:, 1].mean() >= 0 else -1  # named on the shoulder away from the line and the locus
-    corner = polygon[np.argmax(side * (polygon @ (-0.75, 0.65)))]
+
+
+def _name_line(axes: Axes, z1: complex, busy: NDArray[np.float64]) -> None:
+    """At its end, on the side on which less is."""
+    near = busy - axes.transData.transform((z1.real, z1.imag))
+    beside = np.abs(near[:, 1]) < 8
+    left = (beside & (near[:, 0] < -4) & (near[:, 0] > -40)).sum()
+    right = (beside & (near[:, 0] > 4) & (near[:, 0] < 40)).sum()
+    side = -1 if right > left else 1
     axes.annotate(
-        zone, corner, (-3 * side, 1 * side), textcoords="offset points", size=8.5, color=ZONE,
-        ha="right" if side > 0 else "left", va="bottom" if side > 0 else "top", annotation_clip=True,
+        "line", (z1.real, z1.imag), (7 * side, 1), textcoords="offset points", size=8.5, va="center",
+        ha="right" if side < 0 else "left",
     )  # fmt: skip
 
 
-def _loci(axes: Axes, view: RelayView, span: tuple[float, float], faulted: str | None) -> None:
+def _name_zones(axes: Axes, shapes: Shapes, busy: NDArray[np.float64]) -> None:
+    """Each outside its outline, where it touches neither what is busy (n, 2) [pixels] nor another text; by
+    preference on the shoulder away from a line.  Where it has no such place in the picture it has none."""
+    point = axes.get_figure(root=True).dpi / 72  # type: ignore[union-attr]
+    low, high = axes.transAxes.transform([(0, 0), (1, 1)])
+    boxes = np.array([text.get_window_extent().get_points() for text in axes.texts]).reshape(-1, 2, 2)
+    for zone, polygon in shapes.items():
+        outline = axes.transData.transform(_strewn(polygon[:, 0] + 1j * polygon[:, 1]))
+        side = 1 if polygon[:, 1].mean() >= 0 else -1
+        half = np.array([0.32 * len(zone) * 8.5 + 1, 5.5]) * point
+        away = outline - outline.mean(axis=0)
+        away /= np.linalg.norm(away, axis=1, keepdims=True) + 1e-9
+        middles = outline + away * (half + 2 * point)
+        least, most = middles - half, middles + half
+        on = ((least[:, None] < boxes[:, 1]) & (most[:, None] > boxes[:, 0])).all(axis=2).sum(axis=1)
+        near = (np.abs(middles[:, None] - busy) < half + 2 * point).all(axis=2).sum(axis=1)
+        cut = ((least < low) | (most > high)).any(axis=1)
+        best = int(np.argmin(near + 1000.0 * on + 10_000.0 * cut - 3 * side * (away @ (-0.75, 0.65))))
+        if not cut[best]:
+            at = axes.transData.inverted().transform(middles[best])
+            axes.annotate(zone, tuple(at), size=8.5, color=ZONE, ha="center", va="center")
+            boxes = np.concatenate([boxes, [[least[best], most[best]]]])
+
+
+def _strewn(way: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """(n, 2) points along a way of many or few."""
+    way = way[np.isfinite(way)]
+    if len(way) < 2:
+        return np.column_stack([way.real, way.imag])
+    at = np.linspace(0, len(way) - 1, 40 * min(len(way), 50))
+    place = np.arange(len(way))
+    return np.column_stack([np.interp(at, place, way.real), np.interp(at, place, way.imag)])
+
+
+def _loci(
+    axes: Axes, view: RelayView, span: tuple[float, float], faulted: str | None
+) -> NDArray[np.complex128]:
+    """Draws all loops' ways; returns the faulted one's."""
     inside = np.flatnonzero((view.ms >= span[0]) & (view.ms <= span[1]))
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     for k, name in enumerate(LOOPS):
@@ -97,12 +144,18 @@ def _loci(axes: Axes, view: RelayView, span: tuple[float, float], faulted: str |
                 )
             ]
             axes.plot(dots.real, dots.imag, ls="", marker="o", ms=4.2, mfc="white", mec=colour, zorder=5)
-        elif len(last) and x0 < last[0].real < x1 and y0 < last[0].imag < y1:
+        elif (
+            len(last)
+            and x0 < last[0].real < x1 - 0.1 * (x1 - x0)
+            and y0 + 0.1 * (y1 - y0) < last[0].imag < y1
+        ):
             at = (last[0].real, last[0].imag)
             axes.annotate(name, at, (4, 4), textcoords="offset points", size=8, color=colour)
     if faulted:
         text = f"{faulted}: a dot every {DOT_MS:g} ms"
-        axes.text(0.985, 0.015, text, transform=axes.transAxes, size=8, color=FAINT, ha="right")
+        axes.text(0.985, 0.015, text, transform=axes.transAxes, size=8, color=FAINT, ha="right", bbox=PAPER)
+        return view.rows.loops[inside, LOOPS.index(faulted)]
+    return np.zeros(0, np.complex128)
 
 
 def _final_point(axes: Axes, loop: FaultedLoop) -> None:

@@ -115,7 +115,7 @@ def _overview(
     width_ns = max((whole.last_ns - whole.first_ns) / STRETCHES, 2 * whole.interval_ns)
     times, values, last_ms = [np.empty(0)], [np.empty((0, len(CHANNELS)))], -np.inf
     gap_ms = 1.5e-6 * whole.interval_ns
-    for span in log.windows():
+    for span in log.stretches():
         rows = relay_rows(log, whole.name, *span, kinds=(SAMPLED_VALUES,))
         ms = (rows.t_ns - zero) / 1e6
         outside = np.flatnonzero((ms < detail_ms[0]) | (ms > detail_ms[1]))

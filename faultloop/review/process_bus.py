@@ -71,7 +71,7 @@ def log_to_pcap(log: Log, path: Path) -> list[Path]:
     gateway = Gateway(station, start_ns=log.start_ns)
     frames = (
         item
-        for span in log.windows()
+        for span in log.stretches()
         for item in merge(_goose(log, gateway, span), _samples(log, gateway, span), key=lambda item: item[0])
     )
     return [write_pcap(path, frames)]

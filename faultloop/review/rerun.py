@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from faultloop.io.mcap_reader import Log
 from faultloop.io.rerun_sink import RerunSink, log_to_rerun
 from faultloop.io.rerun_view import LOCUS_HZ
 from faultloop.relay.functions.phs import LOOP_MASK
+from faultloop.relay.layout import Instance
 from faultloop.review.characteristic import characteristic
 from faultloop.review.facts import Summary
 from faultloop.review.page import what_they_knew
@@ -36,6 +38,18 @@ def show(log: Log, summary: Summary, target: str) -> RerunSink:
     return log_to_rerun(log, target, more)
 
 
+def polygon(constants: Any, one: Instance, q: Any, x: NDArray[np.complex128]) -> NDArray[np.float64]:
+    """A zone's polygon (k, 2) [ohm, primary] at an instant (`faultloop.relay.explain.SHARED`) with phasors x,
+    of the loop that is selected then; empty without a disturbance, and of a fault that it does not measure.
+    """
+    c = constants["pdis"][one.number]
+    own = LOOP_MASK[int(q["fault"])] & int(c["loops"])
+    if not own or not q["disturbed"] or q["fuse_failure"]:
+        return np.empty((0, 2))
+    points = characteristic(constants["shared"], c, q, x, (own & -own).bit_length() - 1)
+    return np.column_stack([points.real, points.imag])
+
+
 def moving_zones(log: Log, known: Retraced) -> Iterator[Moving]:
     """Each distance zone's polygons [ohm, primary] and when they were so, of the loop that the relay selected
     then; an empty one where that ends."""
@@ -50,24 +64,18 @@ def moving_zones(log: Log, known: Retraced) -> Iterator[Moving]:
     there, place = there[found], place[found]
     same = rows.t_ns[place] == known.t_ns[there]
     there, place = there[same][::every], place[same][::every]
-    g, step_ns = known.constants["shared"], int(1e9 / known.settings.relay.sampling_hz) * every
+    step_ns = int(1e9 / known.settings.relay.sampling_hz) * every
     for one in known.instances:
         if one.function.name != "PDIS":
             continue
-        c = known.constants["pdis"][one.number]
         times, polygons = [], []
         for row, at in zip(there, place, strict=True):
             t_ns = int(known.t_ns[row])
             if times and t_ns - times[-1] > 1.5 * step_ns:
                 times.append(times[-1] + step_ns)
                 polygons.append(np.empty((0, 2)))
-            own = LOOP_MASK[int(q["fault"][row])] & int(c["loops"])
-            points = np.empty(0, np.complex128)
-            if own:
-                loop = (own & -own).bit_length() - 1
-                points = characteristic(g, c, q[row], rows.phasors[at], loop)
             times.append(t_ns)
-            polygons.append(np.column_stack([points.real, points.imag]))
+            polygons.append(polygon(known.constants, one, q[row], rows.phasors[at]))
         if times:
             times.append(times[-1] + step_ns)
             polygons.append(np.empty((0, 2)))

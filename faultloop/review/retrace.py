@@ -8,6 +8,7 @@ granted: every bit of every sample is compared with the logged ones.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -97,17 +98,19 @@ def _retrace(log: Log, name: str) -> Retraced:
         place = [one.name for one in scenario.relay].index(name)
         parallel = scenario.relay[place].parallel
         before = measured(scenario, history(scenario))[place]
-        relay.warm_up(np.ascontiguousarray(before[:, :6]) if parallel is None else _one_side(before))
-    heard = _Heard(log, relay)
+        relay.warm_up(np.ascontiguousarray(before[:, :6]) if parallel is None else one_side(before))
+    heard, bits = Heard(relay), log.bits(name)["pickup"]
+    for at_ns, poles in _positions(log, name):
+        heard.take(at_ns, poles)
     differs, next_number, turn = None, None, 1.0 + 0.0j
-    for span in log.windows():
+    for span in log.stretches():
         samples, phasors, loops, elements = (log.array(m.topic_for(name), *span) for m in NEEDED)
         if not len(samples) == len(phasors) == len(loops) == len(elements):
             raise InputError(f"samples, phasors, loops and elements of {name} are not as many", file=log.path)
         if not len(samples):
             continue
         t_ns, numbers = samples["t_ns"], samples["sample_count"].astype(np.int64)
-        inputs = heard.inputs(elements)
+        inputs = heard.inputs(t_ns, elements["pickup"], bits)
         rows = values(samples) if parallel is None else _with_parallel(log, samples, parallel)
         words = np.zeros((len(t_ns), 2), np.uint64)
         pieces = np.split(np.arange(len(t_ns)), np.flatnonzero(np.diff(numbers) != 1) + 1)
@@ -142,7 +145,7 @@ def _warn(log: Log, name: str, differs: tuple[int, str] | None, step: int) -> No
         log.warn(f"{what}one in {step} samples is looked at")
 
 
-def _one_side(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def one_side(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Without the voltages of the breaker's other side, which no log has."""
     rows = rows.copy()
     rows[:, 6:9] = np.nan
@@ -173,20 +176,22 @@ def _again(log: Log) -> str:
 
 
 def _relay(log: Log, name: str) -> Relay:
-    """As it was when it was switched on; without a user's code, which a log of somebody's must not start."""
+    """As it was when it was switched on."""
     text = log.metadata.get("settings", {}).get(name)
     try:
-        data = json.loads(text or "")
-        own = {key: value for key, value in data.items() if key != "element"}
-        settings = RelaySettings.from_dict(own)
-        if ":" in settings.estimator.method:
-            own["estimator"] = {}
-            settings = RelaySettings.from_dict(own)
+        settings = without_user_code(json.loads(text or ""))
     except (ValueError, AttributeError, InputError) as error:
         kind = type(error).__name__
         what = f"its settings of {name} are missing or not of this version ({kind}); {_again(log)}"
         raise InputError(what, file=log.path) from error
     return Relay(settings, name)
+
+
+def without_user_code(data: Mapping[str, Any]) -> RelaySettings:
+    """Settings as they were written, without a user's code, which a log of somebody's must not start."""
+    own = {key: value for key, value in data.items() if key != "element"}
+    settings = RelaySettings.from_dict(own)
+    return RelaySettings.from_dict(own | {"estimator": {}}) if ":" in settings.estimator.method else settings
 
 
 def _scenario(log: Log) -> Any:
@@ -208,56 +213,60 @@ def _turn(relay: Relay, number: int) -> complex:
     return complex(np.exp(2j * np.pi * beats / header.sampling_hz)) if beats else 1.0
 
 
-class _Heard:
-    """What a relay heard, by stretches of a log: closed poles by its breaker's frames, or the record's
-    contacts; of a pilot scheme what its own bits say was received, for all poles, and whether the channel
-    was there."""
+class Heard:
+    """What a relay heard: closed poles, by its breaker's frames or a record's contacts; of a pilot scheme
+    what its own bits say was received, for all poles, and whether the channel was there."""
 
-    def __init__(self, log: Log, relay: Relay) -> None:
+    def __init__(self, relay: Relay) -> None:
         self._scheme = relay.settings.psch
-        self._bits = log.bits(relay.name)["pickup"]
-        found = _positions(log, relay.name)
-        self._at_ns = np.array([at for at, _ in found], np.int64)
-        self._poles = np.array([RelayInputs().breaker_closed, *(poles for _, poles in found)], np.int64)
+        self._at_ns: list[int] = []
+        self._poles = [RelayInputs().breaker_closed]
 
-    def inputs(self, elements: np.ndarray) -> NDArray[np.int64]:
-        """Rows of `RelayInputs` (n, 5)."""
-        out = np.tile(np.array(RelayInputs(), np.int64), (len(elements), 1))
-        out[:, 0] = self._poles[np.searchsorted(self._at_ns, elements["t_ns"], side="right")]
+    def take(self, t_ns: int, poles: int) -> None:
+        """From then on these poles are closed."""
+        if poles != self._poles[-1]:
+            self._at_ns.append(t_ns)
+            self._poles.append(poles)
+
+    def inputs(
+        self, t_ns: NDArray[np.int64], pickup: NDArray[np.uint64], bits: Sequence[str]
+    ) -> NDArray[np.int64]:
+        """Rows of `RelayInputs` (n, 5); ``bits`` name those of ``pickup``."""
+        out = np.tile(np.array(RelayInputs(), np.int64), (len(t_ns), 1))
+        out[:, 0] = np.array(self._poles)[np.searchsorted(self._at_ns, t_ns, side="right")]
+
+        def on(bit: str) -> NDArray[np.int64]:
+            if bit not in bits:
+                return np.zeros(len(t_ns), np.int64)
+            return (pickup >> np.uint64(bits.index(bit)) & np.uint64(1)).astype(np.int64)
+
         if self._scheme is not None:
-            received = ALL_POLES * self._on(elements, "PSCH1.ProRx")
+            received = ALL_POLES * on("PSCH1.ProRx")
             if self._scheme.type == "dtt":
                 out[:, 3] = received
             else:
                 out[:, 1:3] = received[:, None]
-            out[:, 4] = 1 - self._on(elements, "PSCH1.LosOfGrd")
+            out[:, 4] = 1 - on("PSCH1.LosOfGrd")
         return out
 
-    def _on(self, elements: np.ndarray, bit: str) -> NDArray[np.int64]:
-        if bit not in self._bits:
-            return np.zeros(len(elements), np.int64)
-        return (elements["pickup"] >> np.uint64(self._bits.index(bit)) & np.uint64(1)).astype(np.int64)
 
-
-def _positions(log: Log, name: str) -> list[tuple[int, int]]:
-    """When its breaker, or the record's contacts, said which poles are closed, where that is news."""
+def _positions(log: Log, name: str) -> Iterator[tuple[int, int]]:
+    """When its breaker, or the record's contacts, said which poles are closed."""
     scenario = recorded_scenario(log)
     breaker = next((place.get("breaker") for place in scenario["relay"] if place["name"] == name), None)
     if breaker is None:
         states = [entry for entry in log.breaker_states if entry.source == RECORD]
-        return [
-            (e.t_ns, sum(e.fields[f"pole_{p.lower()}"] << bit for bit, p in enumerate(POLES))) for e in states
-        ]
-    found: list[tuple[int, int]] = []
-    for span in log.windows() if CAN_FRAME.topic in log.topics else ():
+        for e in states:
+            yield e.t_ns, sum(e.fields[f"pole_{p.lower()}"] << bit for bit, p in enumerate(POLES))
+        return
+    for span in log.stretches() if CAN_FRAME.topic in log.topics else ():
         for entry in log.entries(CAN_FRAME, from_ns=span[0], to_ns=span[1]):
             kind, _ = BY_IDENTIFIER.get(entry.id, (None, 0))
             if kind is not Kind.BREAKER_STATUS or entry.sender != breaker:
                 continue
             state = read(Frame(entry.id, entry.data, entry.extended, entry.fd))
-            if isinstance(state, State) and (not found or state.poles != found[-1][1]):
-                found.append((entry.t_ns, state.poles))
-    return found
+            if isinstance(state, State):
+                yield entry.t_ns, state.poles
 
 
 def _first_difference(

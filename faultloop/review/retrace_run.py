@@ -90,8 +90,9 @@ class RetraceRun:
             self.relay.sample_count = first + k
             self.relay.set_inputs(RelayInputs(*inputs[k].tolist()))
             if self._far is not None:
-                self._far.give(first + k)
-                stop = max(min(stop, self._far.next_number(first + k) - first), k + 1)
+                # what is compared is noted at the sample after it
+                given = self._far.give(first + k)
+                stop = k + 1 if given else min(stop, self._far.next_number(first + k) - first)
             if stop <= k + 1 or k < singly or not self._passes(rows, words, k, stop):
                 self._one(first, k, rows, words, t_ns)
                 singly, stop = max(singly, stop), k + 1

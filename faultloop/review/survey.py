@@ -149,7 +149,7 @@ def survey(log: Log, relay: str) -> Survey:
     its content is damaged."""
     if log not in _DONE:
         found = {name: Survey(name) for name in log.relays}
-        for span in log.windows():
+        for span in log.stretches():
             for name, own in found.items():
                 own.take(relay_rows(log, name, *span, kinds=SURVEYED))
         _DONE[log] = found

@@ -25,7 +25,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_stretches_tell_what_the_whole_tells(case: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = retrace(open_log(case), "R1")
     edges = [-mcap_reader.MOST_NS, *range(31_000_000, 400_000_000, 37_000_000), mcap_reader.MOST_NS]
-    monkeypatch.setattr(Log, "windows", lambda log: list(pairwise(edges)))
+    monkeypatch.setattr(Log, "windows", lambda log, size=0: list(pairwise(edges)))
     parts = retrace(open_log(case), "R1")
     assert parts.step == whole.step == 1
     assert parts.differs is None

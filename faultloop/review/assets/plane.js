@@ -69,17 +69,35 @@ function drawPlane(canvas, relay, rowA, rowB) {
     g.stroke();
   });
   g.globalAlpha = 1;
-  // the zones' names, each where no other one is
-  const used = []; g.font = "11px system-ui, sans-serif"; g.textAlign = "center";
+  // the zones' names: on their outline, away from the line, the shown loop's way, the cursors and one another
+  const busy = [], used = [], shownAt = (row) => { const z = relay.impedance(row, own); return [px(z[0]), py(z[1])]; };
+  const strew = (one, two) => {
+    const steps = Math.min(200, Math.ceil(Math.hypot(two[0] - one[0], two[1] - one[1]) / 4));
+    for (let n = 0; n <= steps; n++) busy.push([one[0] + (two[0] - one[0]) * n / steps, one[1] + (two[1] - one[1]) * n / steps]);
+  };
+  if (relay.z1) strew([px(0), py(0)], [px(relay.z1[0]), py(relay.z1[1])]);
+  for (let row = 1; row < relay.rows; row++) {
+    const ms = relay.t[first + row * relay.step], one = shownAt(row - 1), two = shownAt(row);
+    if (ms >= from && ms <= to && [...one, ...two].every((v) => Math.abs(v) < 2 * width)) strew(one, two);
+  }
+  for (const row of [rowA, rowB]) if (row >= 0) for (let n = 0; n < 20; n++) busy.push(shownAt(row));
+  g.font = "11px system-ui, sans-serif"; g.textAlign = "center";
   for (const [name, zone] of Object.entries(relay.zones)) {
-    const points = zone[ground ? "ground" : "phase"];
-    if (points.length < 3) continue;
-    const reverse = points.reduce((s, p) => s + p[1], 0) < 0;
-    const [r, x] = points.reduce((best, p) => ((reverse ? p[1] < best[1] : p[1] > best[1]) ? p : best));
-    const half = g.measureText(name).width / 2 + 2;
-    let place = [Math.max(left + half, Math.min(width - half, px(r))), py(x) + (reverse ? 13 : -4)];
-    while (used.some((u) => Math.abs(u[0] - place[0]) < u[2] + half && Math.abs(u[1] - place[1]) < 12)) place = [place[0], place[1] + 12];
-    used.push([...place, half]);
+    const set = zone[ground ? "ground" : "phase"], points = now[name] || set;
+    if (set.length < 3 || points.length < 3) continue;
+    const reverse = set.reduce((s, p) => s + p[1], 0) < 0, half = g.measureText(name).width / 2 + 2;
+    const top = points.reduce((best, p, n) => ((reverse ? p[1] < points[best][1] : p[1] > points[best][1]) ? n : best), 0);
+    let best = null;
+    for (let n = 0; n < 48; n++) { // from the top outwards, to both sides
+      const aside = (n % 2 ? 1 : -1) * Math.ceil(n / 2) / 48, [r, x] = points[(top + Math.round((aside + 1) * points.length)) % points.length];
+      const place = [Math.max(left + half, Math.min(width - half, px(r))), Math.max(12, Math.min(height - bottom - 4, py(x) + (reverse ? 13 : -4)))];
+      const moved = Math.abs(place[0] - px(r)) + Math.abs(place[1] - py(x)) > 15 ? 500 : 0, middle = [place[0], place[1] - 4];
+      const cost = n / 2 + moved + 400 * used.filter((u) => Math.abs(u[0] - middle[0]) < u[2] + half && Math.abs(u[1] - middle[1]) < 13).length
+        + 8 * busy.filter((u) => Math.abs(u[0] - middle[0]) < half + 3 && Math.abs(u[1] - middle[1]) < 10).length;
+      if (!best || cost < best[0]) best = [cost, place, middle];
+    }
+    const [, place, middle] = best;
+    used.push([...middle, half]);
     g.fillStyle = css("--paper"); g.fillRect(place[0] - half, place[1] - 10, 2 * half, 12);
     g.fillStyle = css("--accent"); g.fillText(name, place[0], place[1]);
   }
