@@ -19,15 +19,13 @@ from faultloop.io.mcap_contents import Contents, Segment
 from faultloop.io.mcap_file import DAMAGE, LOG_RECORD, MAGIC
 from faultloop.io.mcap_messages import MessageReader
 from faultloop.io.messages import Message, array_dtype, message_of, source_of
-from faultloop.io.notebook import POINTS, figure, frame, log_html, thinned
+from faultloop.io.notebook import drawn, figure, log_frame, log_html
 from faultloop.io.output_file import parts_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WINDOW_BYTES = 1 << 24
-FRAME_BYTES = 1 << 32
-"""Of a data frame, at most."""
 MOST_NS = 1 << 62  # beyond every time of a log, both ways, and still an int64 with a start added
 
 
@@ -77,7 +75,7 @@ class Log:
         self._arrays: dict[str, np.ndarray] = {}
         self.progress: Callable[[float], None] | None = None
         self._spans: np.ndarray | None = None  # of the segments [ns since the start], (n, 2)
-        self.start_ns = self._start_ns()
+        self.start_ns = _start_ns(self._contents)
         self._reader = MessageReader(self._contents, self.start_ns)
         self.topics = tuple(sorted(self._channels))
         self.relays = self._sources("relay")
@@ -98,16 +96,10 @@ class Log:
         more samples than a picture has points the least and the greatest of each few are drawn."""
         names = self.relays if relay is None else (relay,)
         marks = [(trip.t_ns, f"{trip.source} {trip.function}") for trip in self.trips]
-        return figure({name: self._drawn(name) for name in names}, marks)
+        return figure({name: drawn(self, name) for name in names}, marks)
 
-    def _drawn(self, relay: str) -> np.ndarray:
-        topic = table.SAMPLED_VALUES.topic_for(relay)
-        every = -(-self._count(topic) // POINTS)
-        if every < 2:
-            return self.array(topic)
-        return np.concatenate([thinned(self.array(topic, *span), every) for span in self.stretches()])
-
-    def _count(self, topic: str) -> int:
+    def count(self, topic: str) -> int:
+        """How many messages a topic has."""
         counts = self._contents.counts()
         return sum(counts.get(channel.id, 0) for channel in self._channels.get(topic, ()))
 
@@ -120,34 +112,7 @@ class Log:
         Raises InputError without pandas, for a relay that the log does not have, and for a whole log that
         would take more than 4 GB of memory.
         """
-        name = relay if relay is not None else (self.relays[0] if self.relays else "")
-        there = {m.name: t for m in table.SAMPLED if (t := m.topic_for(name)) in self.topics}
-        if not there:
-            raise InputError(f"no relay '{name}'; {nearest(name, self.relays)}", file=self.path)
-        span = () if from_ns is None and to_ns is None else (from_ns, to_ns)
-        row = sum(array_dtype(m).itemsize for m in table.SAMPLED) + sum(map(len, self.bits(name).values()))
-        most = max(self._count(topic) for topic in there.values())
-        if not span and most * row > FRAME_BYTES:
-            what = (
-                f"{most} samples of {name} are a frame of {most * row / 1e9:.0f} GB: give from_ns and to_ns"
-            )
-            raise InputError(f"{what}, or make tables by faultloop export --parquet", file=self.path)
-        return frame({what: self.array(topic, *span) for what, topic in there.items()}, self.bits(name))
-
-    def _start_ns(self) -> int:
-        """As the run noted it; the first message's time where that is missing or cannot be."""
-        firsts = [segment.first_ns for segment in self._contents.segments]
-        first = min(firsts, default=0)
-        text = self.metadata.get(LOG_RECORD, {}).get("start_ns")
-        if text is None:
-            return first
-        found = int(text) if text.isascii() and text.isdecimal() and len(text) < 20 else -1
-        if not 0 <= found <= (first if firsts else MOST_NS):
-            self.warn(
-                f"metadata {LOG_RECORD}.start_ns is no start of this log: times count from its first message"
-            )
-            return first
-        return found
+        return log_frame(self, relay, from_ns, to_ns)
 
     def warn(self, text: str) -> None:
         """Notes what could not be read, once."""
@@ -247,7 +212,7 @@ class Log:
         topic = table.ELEMENTS.topic_for(relay)
         found = {}
         for word in ("pickup", "operate"):
-            names = self._channel_json(topic, f"{word}_bits", list)
+            names = self.channel_json(topic, f"{word}_bits", list)
             if not all(isinstance(name, str) for name in names) or len(names) > 64:
                 self.warn(f"{topic}: its {word}_bits are no names: the elements of {relay} have none")
                 names = []
@@ -257,23 +222,9 @@ class Log:
     def characteristics(self, relay: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Per zone the ground and the phase polygon, each (k, 2) of R, X [ohm, primary]; without those that
         cannot be read."""
-        topic = table.LOOP_IMPEDANCES.topic_for(relay)
-        found = {}
-        for zone, shapes in self._channel_json(topic, "characteristics", dict).items():
-            try:
-                polygons = tuple(
-                    np.asarray(shapes[kind] or np.empty((0, 2)), dtype=np.float64).reshape(-1, 2)
-                    for kind in ("ground", "phase")
-                )
-                if not all(np.isfinite(polygon).all() for polygon in polygons):
-                    raise ValueError("infinite")
-            except (ValueError, TypeError, LookupError, OverflowError):
-                self.warn(f"{topic}: the characteristic of '{zone}' is no polygon and left out")
-            else:
-                found[zone] = polygons
-        return found
+        return _polygons(self, table.LOOP_IMPEDANCES.topic_for(relay))
 
-    def _channel_json(self, topic: str, key: str, kind: type) -> Any:
+    def channel_json(self, topic: str, key: str, kind: type) -> Any:
         """A channel's metadata that is JSON; empty, with a warning, where it is not of its kind."""
         text = self.channel_metadata(topic).get(key)
         if text is None:
@@ -336,6 +287,39 @@ class Log:
     def can(self) -> list[Entry]:
         """Frames on the bus."""
         return self.entries(table.CAN_FRAME)
+
+
+def _polygons(log: Log, topic: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """`Log.characteristics` of a topic."""
+    found = {}
+    for zone, shapes in log.channel_json(topic, "characteristics", dict).items():
+        try:
+            polygons = tuple(
+                np.asarray(shapes[kind] or np.empty((0, 2)), dtype=np.float64).reshape(-1, 2)
+                for kind in ("ground", "phase")
+            )
+            if not all(np.isfinite(polygon).all() for polygon in polygons):
+                raise ValueError("infinite")
+        except (ValueError, TypeError, LookupError, OverflowError):
+            log.warn(f"{topic}: the characteristic of '{zone}' is no polygon and left out")
+        else:
+            found[zone] = polygons
+    return found
+
+
+def _start_ns(contents: Contents) -> int:
+    """As the run noted it; the first message's time where that is missing or cannot be."""
+    firsts = [segment.first_ns for segment in contents.segments]
+    first = min(firsts, default=0)
+    text = contents.metadata.get(LOG_RECORD, {}).get("start_ns")
+    if text is None:
+        return first
+    found = int(text) if text.isascii() and text.isdecimal() and len(text) < 20 else -1
+    if not 0 <= found <= (first if firsts else MOST_NS):
+        what = f"metadata {LOG_RECORD}.start_ns is no start of this log: times count from its first message"
+        contents.warn(what)
+        return first
+    return found
 
 
 def _joined(parts: list[np.ndarray], dtype: np.dtype) -> np.ndarray:

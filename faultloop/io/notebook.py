@@ -8,17 +8,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from faultloop.errors import InputError
-from faultloop.io.messages import CHANNELS, ELEMENTS, values
+from faultloop.errors import InputError, nearest
+from faultloop.io.messages import CHANNELS, ELEMENTS, SAMPLED, SAMPLED_VALUES, array_dtype, values
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from faultloop.io.mcap_reader import Log
+
 COLOURS = ("#D55E00", "#009E73", "#0072B2")  # apart for the colour-blind too (Okabe and Ito 2008)
+FRAME_BYTES = 1 << 32
+"""Of a data frame, at most."""
 POINTS = 20_000
 """Of a curve in a figure, which is some hundred pixels wide."""
 Arrays = Mapping[str, np.ndarray]
 """Of one relay: "samples", "phasors", "loops", "elements", those there are, as the log's reader has them."""
+
+
+def drawn(log: Log, relay: str) -> np.ndarray:
+    """A relay's sampled values, no more than a picture has points for."""
+    topic = SAMPLED_VALUES.topic_for(relay)
+    every = -(-log.count(topic) // POINTS)
+    if every < 2:
+        return log.array(topic)
+    return np.concatenate([thinned(log.array(topic, *span), every) for span in log.stretches()])
 
 
 def thinned(rows: np.ndarray, every: int) -> np.ndarray:
@@ -56,6 +69,21 @@ def figure(relays: Mapping[str, np.ndarray], marks: Sequence[tuple[int, str]]) -
             text, (t_ns / 1e6, 1), xycoords=("data", "axes fraction"), size=8, rotation=90, va="top"
         )
     return shown
+
+
+def log_frame(log: Log, relay: str | None, from_ns: int | None, to_ns: int | None) -> Any:
+    """`Log.to_pandas`"""
+    name = relay if relay is not None else (log.relays[0] if log.relays else "")
+    there = {m.name: t for m in SAMPLED if (t := m.topic_for(name)) in log.topics}
+    if not there:
+        raise InputError(f"no relay '{name}'; {nearest(name, log.relays)}", file=log.path)
+    span = () if from_ns is None and to_ns is None else (from_ns, to_ns)
+    row = sum(array_dtype(m).itemsize for m in SAMPLED) + sum(map(len, log.bits(name).values()))
+    most = max(log.count(topic) for topic in there.values())
+    if not span and most * row > FRAME_BYTES:
+        what = f"{most} samples of {name} are a frame of {most * row / 1e9:.0f} GB: give from_ns and to_ns"
+        raise InputError(f"{what}, or make tables by faultloop export --parquet", file=log.path)
+    return frame({what: log.array(topic, *span) for what, topic in there.items()}, log.bits(name))
 
 
 def frame(arrays: Arrays, bits: Mapping[str, Sequence[str]]) -> Any:

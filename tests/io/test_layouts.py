@@ -15,7 +15,7 @@ from mcap_protobuf.reader import read_protobuf_messages
 
 from faultloop.cli import call
 from faultloop.errors import InputError
-from faultloop.io import mcap_reader
+from faultloop.io import notebook
 from faultloop.io.layouts import foxglove
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
@@ -204,7 +204,7 @@ def test_no_panel_is_of_a_topic_that_the_log_has_not(make_arrays: Callable[..., 
 
 
 def test_a_picture_of_many_samples_keeps_every_peak(log: Log, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mcap_reader, "POINTS", 100)
+    monkeypatch.setattr(notebook, "POINTS", 100)
     whole = log.samples("R1")
     drawn = log.plot("R1").axes[0].lines
     assert len(drawn[0].get_xdata()) < 2 * len(whole) / 4
@@ -218,7 +218,7 @@ def test_a_frame_of_a_part_and_one_that_no_memory_is_for(log: Log, monkeypatch: 
     frame = log.to_pandas("R1", from_ns=10_000_000, to_ns=20_000_000)
     assert frame.index[0] >= 0.01
     assert frame.index[-1] < 0.02
-    monkeypatch.setattr(mcap_reader, "FRAME_BYTES", 1000)
+    monkeypatch.setattr(notebook, "FRAME_BYTES", 1000)
     with pytest.raises(InputError, match=r"samples of R1 are a frame of .* GB: give from_ns and to_ns"):
         log.to_pandas("R1")
     log.to_pandas("R1", from_ns=0)
