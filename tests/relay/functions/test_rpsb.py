@@ -44,7 +44,7 @@ def trips(r: Relay, x: np.ndarray) -> list[tuple[float, str]]:
 def test_no_zone_trips_while_the_sources_slip(slip: float, load: float, method: str) -> None:
     x = swings.samples(NETWORK, swings.slipping(NETWORK, slip, 0.3 + max(1.5 / slip, 0.6), load_deg=load))
     assert trips(relay(BOXES, method), x) == []
-    if slip > 0.5:
+    if 0.5 < slip < 7.0:  # a loop of the fastest one is no piece of line, and zone 1 sees that, too
         assert trips(relay(None, method), x), "without it a zone trips"
 
 
