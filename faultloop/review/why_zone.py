@@ -60,8 +60,10 @@ class Zone:
 
     @property
     def called(self) -> str:
-        """The loop's name."""
-        return FAULTS[self.fault] or ("" if not self.loops else LOOPS[self.nearest])
+        """The loop's name; empty where nothing happened."""
+        if self.fault or not self.loops or not len(self.facts.rows):
+            return FAULTS[self.fault]
+        return LOOPS[self.nearest]
 
     @cached_property
     def nearest(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import faultloop
 from faultloop.cli import call
 from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
+from faultloop.review import why_stages, why_zone
 from faultloop.review.retrace import retrace
 from faultloop.review.summary import summarize
 from faultloop.review.why import CAUSES, Reason, why
@@ -147,3 +149,13 @@ def test_a_log_of_a_single_sample(tmp_path: Path, capsys: pytest.CaptureFixture[
     path = write(tmp_path / "one.mcap", {}, fault("BC", 0.7)[:1], None)
     assert call(["why", str(path)]) in (0, 2)
     assert "Traceback" not in capsys.readouterr().err
+
+
+def test_of_no_sample_there_is_no_loop_to_tell_of(tmp_path: Path) -> None:
+    log = open_log(write(tmp_path / "quiet.mcap", {}, fault("BC", 0.95)[:300], None))
+    known = retrace(log, "R1")
+    nothing = why_stages.Facts(log, known.instances[0], known, 0, np.zeros(0, np.int64), (0, 1), [])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        zone = why_zone.Zone(nothing, None)
+        assert (zone.called, why_zone.judge_zone(zone).cause) == ("", "quiet")
