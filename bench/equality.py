@@ -308,7 +308,7 @@ def features(scenario: Scenario, settings: dict[str, RelaySettings]) -> set[str]
         "CAN FD": scenario.can.fd,
         "single-pole": any(own.ptrc.mode == "single-pole" for own in settings.values()),
         "user's element": any(own.element for own in settings.values()),
-        "front end": scenario.front_end.antialias_hz is not None,
+        "noise of the front end": scenario.front_end.voltage_noise_v > 0,
         "parallel line": len(scenario.line) > 1,
         "series capacitor": bool(scenario.series_capacitor),
         "load": bool(scenario.load),

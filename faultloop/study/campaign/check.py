@@ -60,6 +60,8 @@ class Estimators:
 
 
 def _check_ends(plan: Plan, base: Mapping[str, Any], estimators: Estimators) -> None:
+    """Of the values that make every case impossible, that one is told without which a case is possible."""
+    found: InputError | None = None
     for place in range(len(plan.tables.vary)):
         for value in plan.draws.ends(place):
             own = plan.draws.keyed(place, value)
@@ -70,7 +72,20 @@ def _check_ends(plan: Plan, base: Mapping[str, Any], estimators: Estimators) -> 
             plan.made(0, {})  # where a file is wrong by itself, that is told
             told = ", ".join(f"{key} = {own[key]!r}" for key in own)
             where = f"vary[{place}]" if error.key is None else f"vary[{place}]: {error.key}"
-            raise InputError(f"{told} is impossible: {error.what}", file=plan.file, key=where) from None
+            objection = InputError(f"{told} is impossible: {error.what}", file=plan.file, key=where)
+            if _is_possible(plan, {key: other for key, other in base.items() if key not in own}):
+                raise objection from None
+            found = found or objection
+    if found is not None:
+        raise found
+
+
+def _is_possible(plan: Plan, values: Mapping[str, Any]) -> bool:
+    try:
+        plan.made(0, values)
+    except InputError:
+        return False
+    return True
 
 
 def _objection(plan: Plan, values: Mapping[str, Any], estimators: Estimators) -> InputError | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import logging
+import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, cast
@@ -26,6 +27,7 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
     except ImportError:
         raise InputError("needs dask: pip install 'faultloop[cluster]'", key="--scheduler") from None
     try:
+        _knock(address)
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         why = " ".join(str(error).split())[:120]
@@ -61,6 +63,16 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
             future.release()
             yield number
             hand_out()
+
+
+def _knock(address: str) -> None:
+    """OSError where nobody is there, ValueError for no address: a `Client` that finds nobody is never closed,
+    and says so with a traceback, 20 s after the process's last word."""
+    from distributed.comm import get_address_host_port
+
+    scheme, colon, _ = address.partition("://")
+    if scheme in ("tcp", "tls") or not colon:
+        socket.create_connection(get_address_host_port(address, strict=True), CONNECT_S).close()
 
 
 @contextmanager

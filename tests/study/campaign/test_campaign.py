@@ -400,6 +400,10 @@ WRONG = [
     ({"vary": [{"key": "fault.F1.at_pu", "values": []}]}, "at least 1"),
     ({"vary": [{"key": "fault.F1.at_pu", "values": [0.5, 1.5]}]}, "fault.F1.at_pu = 1.5 is impossible"),
     ({"vary": [{"key": "fault.F1.at_pu", "range": [-0.1, 0.5, 3]}]}, "fault.F1.at_pu = -0.1 is impossible"),
+    (
+        {"vary": [{"key": "fault.F1.type", "values": ["AG"]}, {"key": "fault.F1.at_p", "values": [0.5]}]},
+        "vary[1]: fault[F1].at_p: fault.F1.at_p = 0.5 is impossible: unknown key; did you mean 'at_pu'?",
+    ),
     ({"vary": [{"key": "fault.F1.at_pu", "range": [0.5, 0.6, 0]}]}, "count"),
     ({"vary": [{"key": "fault.F1.at_pu", "uniform": [0.1, 0.5]}]}, "a grid takes values or range"),
     ({"vary": [{"key": "fault.F1.at_pu", "values": [0.5], "range": [0, 1, 2]}]}, "give one of"),
