@@ -1,12 +1,14 @@
 """A large campaign or data set, end to end: time, peak memory of every process, sizes, reading rate.
 
-    python bench/campaign_size.py [CASES] [--workers 2] [--keep samples] [--report] [--folder FOLDER]
+    python bench/campaign_size.py [CASES] [--workers 2] [--keep samples] [--learn] [--report] [--folder F]
 
     python bench/campaign_size.py 1000000 --report            # a million cases in one go, and their report
-    python bench/campaign_size.py 100000 --keep samples       # a data set
+    python bench/campaign_size.py 100000 --keep samples --learn   # a data set, and the classifier's example
     python bench/campaign_size.py --plan 1000000              # the plan alone, and `check`
 
-200 ms cases of two relays with the default estimator and the bus model, anywhere on the line.
+200 ms cases of two relays with the default estimator and the bus model, anywhere on the line; with
+``--learn`` cases of campaigns/fault-type.toml, on which examples/fault_type.py is then trained.  The figures
+go to bench/results.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +63,13 @@ def tables(cases: int, sampling: str = "random", only: bool = False) -> dict[str
         "only": [{"when": "fault.F1.at_pu < 0.9 or fault.F1.resistance_ohm < 5"}] if only else [],
         "judge": [{"relay": "RA", "where": "inside", "trip": True, "within_ms": 60}],
     }
+
+
+def fault_types(cases: int) -> dict[str, Any]:
+    """campaigns/fault-type.toml with so many cases."""
+    data = tomllib.loads((ROOT / "campaigns" / "fault-type.toml").read_text(encoding="utf-8"))
+    scenario = str(ROOT / "scenarios" / "ag-zone1.toml")
+    return data | {"campaign": data["campaign"] | {"cases": cases, "scenario": scenario}}
 
 
 def command(*arguments: str) -> list[str]:
@@ -106,7 +116,7 @@ def folder_mb(folder: Path) -> float:
     return sum(file.stat().st_size for file in folder.iterdir()) / 1e6
 
 
-def read_back(waves: Path, cases: int) -> None:
+def read_back(waves: Path, cases: int) -> str:
     """All samples once, in batches, as a training loop would."""
     column, begin, read, rows = "RA.samples", time.perf_counter(), 0, 0
     for batch in ds.dataset(waves).to_batches(columns=[column, "fault_type"], batch_size=256):
@@ -116,10 +126,18 @@ def read_back(waves: Path, cases: int) -> None:
     wall = time.perf_counter() - begin
     assert rows == cases
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
-    print(
+    return (
         f"one relay's samples in batches: {wall:.1f} s, {rows / wall:,.0f} cases/s, "
         f"{read / wall / 1e6:.0f} MB/s, at most {memory:.0f} MB"
     )
+
+
+def learned(out: Path) -> str:
+    """What the shipped example says of a data set."""
+    begin = time.perf_counter()
+    example = [sys.executable, str(ROOT / "examples" / "fault_type.py"), str(out)]
+    told = subprocess.run(example, check=True, capture_output=True, text=True).stdout
+    return f"{'; '.join(told.split(chr(10))[:2])} ({time.perf_counter() - begin:.0f} s)"
 
 
 PLAN = """
@@ -161,6 +179,7 @@ def main() -> None:
     parser.add_argument("--workers", default=str(os.cpu_count()))
     parser.add_argument("--keep", default="")
     parser.add_argument("--report", action="store_true")
+    parser.add_argument("--learn", action="store_true", help="with --keep samples")
     parser.add_argument("--plan", type=int)
     parser.add_argument("--folder", type=Path, help="where the files stay; a temporary one where not given")
     options = parser.parse_args()
@@ -171,32 +190,32 @@ def main() -> None:
             plan(options.plan, folder)
             return
         path, out = folder / "campaign.toml", folder / "c.parquet"
-        path.write_text(toml_text(tables(options.cases)), encoding="utf-8")
+        made = fault_types(options.cases) if options.learn else tables(options.cases)
+        path.write_text(toml_text(made), encoding="utf-8")
         keep = ["--keep", options.keep] if options.keep else []
         watch = Watch(command("campaign", str(path), "--out", str(out), "--workers", options.workers, *keep))
-        rate = 3600 * options.cases / watch.wall_s
-        size = out.stat().st_size
-        print(f"{options.cases} cases, {options.workers} workers: {watch.told()}; {rate:,.0f} an hour")
-        rows = pq.read_metadata(out).num_rows
-        print(f"{rows} rows, {size / 1e6:.1f} MB, {size / options.cases:.0f} bytes a case")
+        rate, size = 3600 * options.cases / watch.wall_s, out.stat().st_size
+        assert pq.read_metadata(out).num_rows == options.cases
+        what = f"{options.cases} cases{', with ' + options.keep if keep else ''}, {options.workers} workers"
+        file = f"{size / 1e6:.1f} MB, {size / options.cases:.0f} bytes a case"
+        rows = [(what, f"{watch.told()}; {rate:,.0f} an hour; file of {file}")]
         if options.keep:
             waves = out.with_suffix(".waves")
-            mb = folder_mb(waves)
-            files = len(list(waves.iterdir()))
-            print(f"waves: {mb:.0f} MB in {files} files, {1e3 * mb / options.cases:.1f} kB a case")
-            read_back(waves, options.cases)
+            mb, files = folder_mb(waves), len(list(waves.iterdir()))
+            told = f"{mb:.0f} MB in {files} files, {1e3 * mb / options.cases:.1f} kB a case"
+            rows.append((f"Waves of {options.cases} cases", f"{told}; {read_back(waves, options.cases)}"))
+        if options.learn:
+            rows.append((f"Classifier of {options.cases} cases, beside PHS", learned(out)))
         if options.report:
-            page = Watch(
-                command(
-                    "campaign-report",
-                    str(out),
-                    "--html",
-                    str(folder / "c.html"),
-                    "--png",
-                    str(folder / "c.png"),
-                )
-            )
-            print(f"report: {page.told()}")
+            outputs = ("--html", str(folder / "c.html"), "--png", str(folder / "c.png"))
+            page = Watch(command("campaign-report", str(out), *outputs), quiet=True)
+            rows.append((f"Report of {options.cases} rows, page and picture", page.told()))
+    for line, figure in rows:
+        print(f"{line}: {figure}")
+    from results import leave, row
+
+    shown = " ".join(["python bench/campaign_size.py", *sys.argv[1:]])
+    leave("campaign_size", [row("Campaigns", line, shown, figure) for line, figure in rows], beside=True)
 
 
 if __name__ == "__main__":

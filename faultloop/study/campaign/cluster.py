@@ -68,7 +68,7 @@ def by_cluster(job: Any, todo: list[int], address: str, parts: Parts) -> Iterato
 def _knock(address: str) -> None:
     """OSError where nobody is there, ValueError for no address: a `Client` that finds nobody is never closed,
     and says so with a traceback, 20 s after the process's last word."""
-    from distributed.comm import get_address_host_port
+    from distributed.comm.addressing import get_address_host_port
 
     scheme, colon, _ = address.partition("://")
     if scheme in ("tcp", "tls") or not colon:
