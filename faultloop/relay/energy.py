@@ -13,8 +13,9 @@ channels (a filtered voltage and a filtered current belong to the same network).
 stays.
 
 The greatest excursion to either side since before the disturbance tells the direction, once it is a part of
-what the sizes of voltage and current allow.  It needs a reference that is right and stops holding where
-something else is switched; see RDIR.
+what the sizes of voltage and current allow; then it stays, though what they allow grows on where what was
+given comes back, as in a network that resonates near the nominal frequency.  It needs a reference that is
+right and stops holding where something else is switched; see RDIR.
 """
 
 from __future__ import annotations
@@ -90,8 +91,12 @@ def follow(e: Record) -> None:
     apparent = math.sqrt((e.before[VOLTAGE2] + e.now[VOLTAGE2]) * (e.before[CURRENT2] + e.now[CURRENT2]))
     e.lowest = min(e.lowest, energy)
     e.highest = max(e.highest, energy)
-    e.direction = 0
-    if -e.lowest > max(LEAST * apparent, DISTINCT * e.highest):
+    forward, reverse = -e.lowest, e.highest
+    if forward > max(LEAST * apparent, DISTINCT * reverse):
         e.direction = 1
-    elif e.highest > max(LEAST * apparent, -DISTINCT * e.lowest):
+    elif reverse > max(LEAST * apparent, DISTINCT * forward):
         e.direction = -1
+    elif (e.direction > 0 and forward <= DISTINCT * reverse) or (
+        e.direction < 0 and reverse <= DISTINCT * forward
+    ):
+        e.direction = 0

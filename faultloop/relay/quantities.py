@@ -47,6 +47,9 @@ LIKE_A_FAULT = 1.5
 AT_ITS_ANGLE = 0.8
 SHARE = 0.85
 """Of the parallel line's residual current the own one must be above, or it is the healthy line's."""
+TRANSITS = 6
+"""Along the line, by a wave, to and fro three times."""
+INDUCTANCE_H_PER_KM, LIGHT_KM_PER_S = 1.2e-3, 3e5
 GONE = 0.05
 """A current is gone whose samples are below this part of its phasor."""
 
@@ -60,6 +63,7 @@ CONSTANTS = np.dtype(
         ("lag", "i8"),  # how many snapshots ago the reference was taken
         ("settling", "i8"),  # samples until the memory may begin
         ("settled", "i8"),  # samples until the estimator has settled
+        ("lumped", "i8"),  # samples of a disturbance until the line is a resistance and an inductance
         ("stride", "i8"),  # samples in a value of the recent ones
         ("values", "i8"),  # recent values in a cycle
         ("turn_per_value", "f8"),  # [rad]
@@ -198,6 +202,7 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         # A recursive estimator forgets its start slowly; the memory waits for a steady voltage anyway.
         "settling": max(min(settling_samples, math.ceil(1.25 * cycle)), 1),
         "settled": settling_samples,
+        "lumped": math.ceil(TRANSITS * _travel_time_s(settings) * relay.sampling_hz),
         "stride": stride,
         "values": round(cycle / stride),
         "turn_per_value": 2 * math.pi * stride / cycle,
@@ -219,6 +224,12 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "memory": settings.samples(rdir.memory_ms),
         "fade": max(settings.samples(FADE_MS), 1),
     }
+
+
+def _travel_time_s(settings: RelaySettings) -> float:
+    """Of a wave along the line, from its reactance: overhead lines have about the same inductance per km."""
+    inductance_h = settings.z1_ohm.imag / (2 * math.pi * settings.relay.frequency_hz)
+    return inductance_h / INDUCTANCE_H_PER_KM / LIGHT_KM_PER_S
 
 
 def _mutual_in_time(settings: RelaySettings) -> float:

@@ -307,6 +307,8 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
         if m >= 1 or w.counter < c.security:
             return
         if delay(c, q.fault) < g.cycle:
+            if q.memory.age < g.lumped:
+                return
             left = doubt(g, q, w)
             if left == np.inf or zone_depth(g, q, c, mask, left) >= 1:
                 return

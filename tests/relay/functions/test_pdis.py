@@ -27,7 +27,7 @@ STRONG = NETWORKS["strong"]
 def zone(kind: str, at: float, network: Network = STRONG, **table: Any) -> tuple[Kernel, dict[str, int]]:
     """A zone in a fault, and what PHS and RDIR say of it."""
     k = Kernel(PDIS, {"zone": 1} | table)
-    k.disturb(network.solve(), network.solve(kind, at))
+    k.disturb(network.solve(), network.solve(kind, at), 48)
     fault = FAULTS.index(LOOP.get(kind, kind))
     k.q["polarizing"] = network.solve()[0]  # balanced before: V1 is phase A
     mask = 0b111000 if fault == THREE_PHASE else 1 << (fault - 1)
@@ -59,6 +59,21 @@ def test_the_closer_to_the_reach_the_longer_it_must_stay_inside(at: float, sampl
     k.step(**said)
     assert (k.q["pickup"], k.q["zone_started"]) == (1, 1)
     assert k.q["request"]["made"] == 1  # no delay
+
+
+def test_a_zone_without_delay_waits_until_waves_have_gone_to_and_fro_three_times() -> None:
+    """Until then a line is no resistance and inductance: six times 1 ms of 300 km here."""
+    k, said = zone("AG", 0.3, reach_pu=0.8)
+    k.g["lumped"], k.q["memory"]["age"] = 29, 28
+    k.step(count=20, **said)
+    assert k.q["pickup"] == 0
+    k.q["memory"]["age"] = 29
+    k.step(**said)
+    assert k.q["pickup"] == 1
+    k, said = zone("AG", 0.3, reach_pu=0.8, delay_ms=300.0)  # a starter is as early as ever
+    k.g["lumped"], k.q["memory"]["age"] = 29, 28
+    k.step(count=8, **said)
+    assert k.q["pickup"] == 1
 
 
 def test_beyond_the_reach_or_behind_nothing_starts() -> None:
