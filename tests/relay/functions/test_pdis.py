@@ -137,7 +137,7 @@ def test_a_voltage_alone_and_rest_start_nothing() -> None:
 def test_a_zone_that_does_not_trip_and_the_pilot_zone() -> None:
     data = {"ptrc": {"zones": [], "pilot_zone": 1}}
     k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8}, **data)
-    k.disturb(STRONG.solve(), STRONG.solve("AG", 0.1))
+    k.disturb(STRONG.solve(), STRONG.solve("AG", 0.1), 48)
     k.q["polarizing"] = STRONG.solve()[0]
     k.step(count=8, fault=1, released=1, direction=1)
     assert (k.q["operate"], k.q["request"]["made"], k.q["pilot"]) == (1, 0, 1)
