@@ -37,7 +37,7 @@ def test_a_long_log_is_written_as_in_one_piece(
     path = write_log(tmp_path / "x.mcap")
     whole = log_to_comtrade(open_log(path), tmp_path / "whole.cff", format=format)[0].read_bytes()
     edges = [-(1 << 62), *(400_000_000 * k // windows for k in range(1, windows)), 1 << 62]
-    monkeypatch.setattr(Log, "windows", lambda self: list(pairwise(edges)))
+    monkeypatch.setattr(Log, "windows", lambda *_: list(pairwise(edges)))
     pieces = log_to_comtrade(open_log(path), tmp_path / "pieces.cff", format=format)[0].read_bytes()
     assert pieces == whole and len(whole) > 1920 * 6
 

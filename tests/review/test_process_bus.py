@@ -82,7 +82,7 @@ def test_pieces_of_a_long_log_make_the_same_file(tmp_path: Path, monkeypatch: py
     log = a_log(tmp_path / "x.mcap")
     whole = log_to_pcap(log, tmp_path / "whole.pcap")[0].read_bytes()
     edges = [-(1 << 62), *(400 * MS * k // 7 for k in range(1, 7)), 1 << 62]
-    monkeypatch.setattr(Log, "windows", lambda self: list(pairwise(edges)))
+    monkeypatch.setattr(Log, "windows", lambda *_: list(pairwise(edges)))
     assert log_to_pcap(log, tmp_path / "pieces.pcap")[0].read_bytes() == whole
 
 

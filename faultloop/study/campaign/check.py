@@ -98,7 +98,10 @@ def _objection(plan: Plan, values: Mapping[str, Any], estimators: Estimators) ->
 
 
 def _some(plan: Plan) -> Iterable[dict[str, Any]]:
-    for number in range(0, plan.cases, max(plan.cases // OTHERS, 1)):
+    """Values of cases; of few drawn ones also of more that might have been drawn."""
+    drawn = plan.draws.sampling != "grid"
+    count = max(plan.cases, OTHERS) if drawn else plan.cases
+    for number in range(0, count, max(count // OTHERS, 1)):
         try:
             yield plan.values(number)
         except InputError:
