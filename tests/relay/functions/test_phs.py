@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from faultloop.relay import quantities
 from faultloop.relay.functions.phs import PHS, loops_of_both
 from faultloop.relay.quantities import FAULTS, LOOPS
 from tests.relay.functions.kernel import Kernel
@@ -145,23 +143,3 @@ def test_a_fault_of_two_phases_of_which_one_is_behind_waits_for_a_cycle() -> Non
 def test_of_two_faults_ahead_the_pairs_between_them_count(first: str, second: str, loops: set[str]) -> None:
     mask = loops_of_both(FAULTS.index(first), FAULTS.index(second))
     assert {loop for bit, loop in enumerate(LOOPS) if mask >> bit & 1} == loops
-
-
-def turns(kinds: tuple[str, ...], samples: int) -> int:
-    """The type after so many samples of phasors that do not stand still, of these faults in turn."""
-    network = NETWORKS["strong"]
-    k = disturbed(network, kinds[0])
-    k.q["memory"]["drift"] = np.inf
-    for sample in range(samples):
-        k.q["d"] = network.solve(kinds[sample // 5 % len(kinds)]) - network.solve()
-        quantities.sequences(k.q["d"], k.q["change"])
-        k.step()
-    return int(k.q["fault"])
-
-
-def test_types_of_several_phases_that_take_turns_release_all_pairs_after_half_a_cycle() -> None:
-    """What rings is in no two phases alike; before, such a fault had no type until the ringing was over."""
-    assert turns(("AB", "BC", "CA"), 47) == 0
-    assert turns(("AB", "BC", "CA"), 48) == 7
-    assert turns(("AB", "BC", "AG"), 400) == 0
-    assert turns(("BC",), 48) == FAULTS.index("BC")
