@@ -254,9 +254,6 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     something moves - a slow swing during a long fault is no new fault - and not where the far end's opening
     explains it, which takes the load away from the healthy phases.
 
-    Where the types of several phases take turns for half a cycle - what rings is in no two phases alike - all
-    three pairs are released, of which two must be inside a zone, until one type stands.
-
     Of two faults on two sides (cross-country) the change tells neither: the type is that of the phases ahead,
     as a loop on the line still measures its own.  What looks like that waits for up to a cycle, or zone 1
     would have tripped for both before.
@@ -278,13 +275,10 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     watch_second(g, q, c, w)
     if w.ahead:
         w.crossed, w.behind = w.ahead, w.aside
-    w.several = w.several + 1 if candidate > 3 and w.fault == 0 else 0
     if w.crossed:
         w.fault = w.crossed
     elif w.count >= g.cycle and not waits and (q.memory.moving or not settled):
         w.fault = candidate
-    elif 2 * w.several >= g.cycle and not waits:
-        w.fault = 7
 
 
 @njit
@@ -322,7 +316,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     elif q.disturbed and not q.swing_fault:
         select(g, q, c, w)
     else:
-        w.fault = w.candidate = w.count = w.several = 0
+        w.fault = w.candidate = w.count = 0
         forget(w)
     q.fault = w.fault
     q.crossed = w.crossed
@@ -343,7 +337,6 @@ PHS = Function(
         ("fault", "i8"),
         ("candidate", "i8"),
         ("count", "i8"),
-        ("several", "i8"),  # samples in a row of types of several phases, while none stands
         ("side", "i8", (3,)),  # of each phase's own fault at this sample: 1 ahead, -1 behind
         ("stood", "i8", (3,)),  # samples of still phasors for which it has been there
         ("behind", "i8"),  # mask of phases, once it has stood
