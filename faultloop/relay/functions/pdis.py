@@ -49,11 +49,14 @@ _LOOPS = {"all": 0b111111, "ground": 0b000111, "phase": 0b111000}
 HYSTERESIS = 1.05
 FALLS = 12.0
 """How much a sample outside takes from what those inside have counted: as much as one deep inside."""
-YOUNG, DOUBT, STAYS = 4.0, 2.0, 0.5
-"""How much what the fit leaves counts against the depth: in the first cycle inside, then, and the part of it
-that does however long it is inside.  Two means leave half of what one does of noise, and the depth is no
+EARLY, YOUNG, DOUBT, STAYS = 8.0, 4.0, 2.0, 0.5
+"""How much what the fit leaves counts against the depth: while samples from before the fault are in its
+window, which means smooth over; in the first cycle inside; then, and the part of it that does however long it
+is inside.  Two means leave half of what one does of noise, and the depth is no
 better for it: with 2 one of 56 faults on the parallel line was inside at first (bench/security.py, seed 4711,
 case 28)."""
+SHORTEST = 4
+"""Tenths of a cycle: the window of the fit."""
 BY_PHASORS = 0.0
 POINTS = 73
 
@@ -204,7 +207,7 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
     The window is two fifths of a cycle, and grows with the disturbance to one and a half: what still rings
     then is the slower the longer it has lasted, and wants a longer mean.
     """
-    length = min(max(10 * q.memory.age, 4 * g.cycle), 15 * g.cycle) * g.values // (10 * g.cycle)
+    length = min(max(10 * q.memory.age, SHORTEST * g.cycle), 15 * g.cycle) * g.values // (10 * g.cycle)
     drop = c.reach, c.k0 * c.reach
     ratio, m = weakness(g, q), OUTSIDE
     if is_believed(g, q, ratio):
@@ -278,7 +281,8 @@ def doubt(g: Record, q: Record, w: Record) -> float:
     ratio = weakness(g, q)
     if ratio > 0.0:
         return DOUBT if is_believed(g, q, ratio) or is_believed_centred(g, q, ratio) else np.inf
-    return YOUNG if w.inside < g.cycle else DOUBT * max(g.cycle / w.inside, STAYS)
+    young = EARLY if 10 * q.memory.age < SHORTEST * g.cycle else YOUNG
+    return young if w.inside < g.cycle else DOUBT * max(g.cycle / w.inside, STAYS)
 
 
 @njit
