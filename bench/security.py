@@ -15,7 +15,7 @@ frequency, which then is folded to the nominal one and no relay can tell it from
 other function of the relay at work beside the zones, none of which trips.  ``--list`` tells every wrong and
 every slow case.  A network's cases depend on the seed, its number and the kind alone: ``--first N --networks
 1`` runs one again.  ``--out`` keeps the answers, a row a relay, and goes on where a run of the same was
-stopped.
+stopped; ``--table NAME=FILE ...`` prints the table of docs/relay.md from such files.
 """
 
 from __future__ import annotations
@@ -202,6 +202,55 @@ def tell(a: np.ndarray, listed: bool) -> None:
             print(f"  {name:28s} {chosen.sum():6d}           {figures} {chosen.sum() - len(t):7d}")
 
 
+def column(a: np.ndarray) -> dict[str, str]:
+    """The figures of (n,) ANSWER as docs/relay.md has them, by the row's name."""
+    first = np.fmin(a["ms"][:, MHO], a["ms"][:, QUAD])
+    started, at = ~np.isnan(a["ms"]), {name: a["where"] == number for number, name in enumerate(WHERE)}
+    zone_1 = ~np.isnan(first)
+
+    def share(chosen: np.ndarray, wrong: np.ndarray) -> str:
+        count = int((chosen & wrong).sum())
+        text = f"{count} of {chosen.sum():,}"
+        return f"**{text}**" if count else text
+
+    def times(chosen: np.ndarray) -> str:
+        t = first[chosen & zone_1]
+        if not len(t):
+            return ""
+        return f"{np.median(t):.1f}, {np.percentile(t, 95):.1f}, {t.max():.1f} ({len(t):,})"
+
+    bolted, inside = a["bolted"], at["inside"] & a["bolted"]
+    near, within = inside & (a["measured"] <= DEPENDABLE), inside & (a["at"] <= INSIDE) & (a["sir"] <= 30)
+    short = a["length"] <= min(SLOW_MS)
+    return {
+        "bolted fault behind": share(at["behind"] & bolted, zone_1),
+        "bolted, beyond the far bus": share(at["beyond"] & bolted, zone_1),
+        "bolted, on the parallel line": share(at["parallel"] & bolted, zone_1),
+        f"bolted, beyond {SECURE:.0%} of the line": share(inside & (a["at"] > SECURE), zone_1),
+        "with resistance, behind": share(at["behind"] & ~bolted, zone_1),
+        "with resistance, beyond": share(at["beyond"] & ~bolted, zone_1),
+        "with resistance, parallel": share(at["parallel"] & ~bolted, zone_1),
+        "a forward zone for a fault behind": share(at["behind"], started[:, FAR]),
+        "a reverse zone for a fault ahead": share(at["inside"] | at["beyond"], started[:, REVERSE]),
+        "start before the fault": share(np.ones(len(a), bool), a["before"]),
+        f"bolted within {DEPENDABLE:.0%}, the mho does not": share(near, ~started[:, MHO]),
+        "the quadrilateral does not": share(near, ~started[:, QUAD]),
+        f"within {INSIDE:.0%}, SIR to 30, to 150 km: median, 95 %, worst [ms]": times(within & short),
+        "later than 20 ms": share(within & short & zone_1, first > SLOW_MS[150]),
+        "longer lines": times(within & ~short),
+    }
+
+
+def table(files: list[str]) -> None:
+    """A table in Markdown of files of answers, each NAME=FILE."""
+    named = dict(text.split("=", 1) for text in files)
+    columns = {name: column(np.load(file)) for name, file in named.items()}
+    print("| zone 1 of 80 %, mho or quadrilateral, operates | " + " | ".join(named) + " |")
+    print("|" + "---|" * (1 + len(named)))
+    for row in next(iter(columns.values())):
+        print(f"| {row} | " + " | ".join(one[row] for one in columns.values()) + " |")
+
+
 def answers(given: argparse.Namespace) -> np.ndarray:
     """Of all networks in order; what `--out` already has is not run again."""
     done = np.load(given.out) if given.out and given.out.exists() else np.zeros(0, ANSWER)
@@ -234,7 +283,11 @@ def main() -> None:
     parser.add_argument("--functions", action="store_true", help="with every other function")
     parser.add_argument("--list", action="store_true", help="every wrong and every slow case")
     parser.add_argument("--out", type=Path, help="a file of answers, to go on with")
+    parser.add_argument("--table", nargs="+", metavar="NAME=FILE", help="of files of answers, in Markdown")
     given = parser.parse_args()
+    if given.table:
+        table(given.table)
+        return
     found = answers(given)
     print(
         f"{given.kind}, seed {given.seed}, {given.networks} networks from {given.first}, {given.faults}"
