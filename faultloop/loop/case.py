@@ -15,7 +15,7 @@ from typing import Any
 
 from faultloop.loop.beside import compile_beside
 from faultloop.loop.closed_loop import ClosedLoop
-from faultloop.loop.inputs import check_settings
+from faultloop.loop.inputs import Agreement
 from faultloop.loop.kept_loop import KeptLoop
 from faultloop.loop.outcome import Cast, Fold, Outcome
 from faultloop.loop.recording import MemorySink, Recorder, Sink
@@ -103,6 +103,7 @@ class Cases:
         self._known: dict[tuple[str, int], tuple[RelaySettings, _Kept]] = {}
         """By the settings' identity: to write them down takes longer than to look here."""
         self._loops = _Loops()
+        self._agreement = Agreement()
 
     def prepare(self, scenario: Scenario, settings: Mapping[str, RelaySettings] | None = None) -> Prepared:
         """A case of `scenario`.
@@ -123,7 +124,7 @@ class Cases:
             else self._load(scenario.settings_path(place))
             for place in scenario.relay
         }
-        check_settings(scenario, own)
+        self._agreement.check(scenario, own)
         kept = {place.name: self._kept(place.name, own[place.name]) for place in scenario.relay}
         return Prepared(scenario, kept, self._loops)
 

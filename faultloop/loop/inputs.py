@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from operator import is_
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -148,6 +149,27 @@ def check_settings(scenario: Scenario, settings: Mapping[str, RelaySettings], us
     check_ends(scenario, settings)
 
 
+class Agreement:
+    """`check_settings` of one case after the other: what is as it was is not looked at again."""
+
+    def __init__(self) -> None:
+        self._last: tuple[tuple[Any, ...], list[RelaySettings]] | None = None
+
+    def check(
+        self, scenario: Scenario, settings: Mapping[str, RelaySettings], user_code: bool = True
+    ) -> None:
+        """Raises InputError as that does; ``user_code`` must be the same each time."""
+        tables = tuple(getattr(scenario, key) for key in OF_AGREEMENT)
+        own = list(settings.values())
+        last = self._last
+        if last is not None and tables == last[0] and all(map(is_, own, last[1])):
+            return
+        check_settings(scenario, settings, user_code)
+        self._last = tables, own
+
+
+OF_AGREEMENT = ("relay", "system", "front_end", "channel", "can")
+"""What of a scenario `check_settings` looks at."""
 PICKUPS = {
     "current_noise_a": ("pickup_a", "current_a", "pickup_current_a", "minimum_current_a", "open_current_a"),
     "voltage_noise_v": ("start_v",),
@@ -159,6 +181,8 @@ def _check_noise(scenario: Scenario, place: RelayPlace, settings: RelaySettings)
     front = place.front_end or scenario.front_end
     for key, names in PICKUPS.items():
         noise, primary = getattr(front, key), settings.amperes if key.endswith("_a") else settings.volts
+        if not noise:
+            continue  # every pickup is above nothing
         for where, table in _tables(settings):
             for name in names:
                 given = getattr(table, name, None)

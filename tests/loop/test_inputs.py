@@ -8,10 +8,14 @@ from typing import Any
 import pytest
 
 from faultloop.errors import InputError
-from faultloop.loop.inputs import load_inputs
+from faultloop.loop.inputs import Agreement, load_inputs
 from faultloop.loop.scenario import Scenario
 
 AG = Path(__file__).resolve().parents[2] / "scenarios" / "ag-zone1.toml"
+RA: dict[str, Any] = {
+    "relay": {"frequency_hz": 50, "sampling_hz": 4800},
+    "line": {"z1_ohm": [3.0, 30.0], "z0_ohm": [12.0, 90.0]},
+}
 
 
 def scenario(**front: float) -> Scenario:
@@ -65,14 +69,25 @@ def scenario(**front: float) -> Scenario:
 def test_a_pickup_below_the_noise_is_refused(
     front: dict[str, float], tables: dict[str, Any], key: str, what: str
 ) -> None:
-    given: dict[str, Any] = {
-        "relay": {"frequency_hz": 50, "sampling_hz": 4800},
-        "line": {"z1_ohm": [3.0, 30.0], "z0_ohm": [12.0, 90.0]},
-    }
-    given = {name: given.get(name, {}) | tables.get(name, {}) for name in given} | {
-        name: table for name, table in tables.items() if name not in given
-    }
+    given = RA | tables | {"relay": RA["relay"] | tables.get("relay", {})}
     with pytest.raises(InputError) as error:
         load_inputs(scenario(**front), {"RA": given})
     assert (error.value.key, error.value.what) == (key, what)
     load_inputs(scenario(), {"RA": given})
+
+
+def test_what_is_not_the_last_case_s_is_looked_at_again() -> None:
+    inputs, agreement = load_inputs(scenario()), Agreement()
+    low = load_inputs(scenario(), {"RA": RA | {"pioc": [{"pickup_a": 20.0}]}}).settings
+    agreement.check(scenario(), inputs.settings)
+    agreement.check(scenario(), low)
+    noisy = scenario(current_noise_a=30.0)
+    agreement.check(noisy, inputs.settings)
+    for settings, refused in ((low, "pioc[1].pickup_a"), (inputs.settings, None), (low, "pioc[1].pickup_a")):
+        if refused is None:
+            agreement.check(noisy, settings)
+            continue
+        for _ in range(2):
+            with pytest.raises(InputError) as error:
+                agreement.check(noisy, settings)
+            assert error.value.key == refused

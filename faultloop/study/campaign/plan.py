@@ -12,7 +12,7 @@ from faultloop.config.campaign import CampaignTables
 from faultloop.config.override import copied, override_settings, set_key, setting_of
 from faultloop.config.tables import read_toml
 from faultloop.errors import InputError
-from faultloop.loop.inputs import check_settings
+from faultloop.loop.inputs import Agreement
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import RelaySettings
 from faultloop.study.campaign.condition import Condition
@@ -94,6 +94,7 @@ class Plan:
         self._fixed: dict[str, Any] = {}
         """Tables that no case varies, validated: the same objects in every case, so that they need not be
         validated, nor compared with those of the case before, item by item."""
+        self._agreement = Agreement()
         self._grid: Grid | None = None
         try:
             self._read_settings()
@@ -139,7 +140,7 @@ class Plan:
             place.name: self._settings_of(place.settings, changes.get(place.name, ()))
             for place in scenario.relay
         }
-        check_settings(scenario, settings, self.user_code)
+        self._agreement.check(scenario, settings, self.user_code)
         return Case(number, dict(values), scenario, settings)
 
     def key_files(self) -> dict[str, Path]:
