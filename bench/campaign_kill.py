@@ -32,6 +32,8 @@ ROOT = Path(__file__).resolve().parents[1]
 WAIT_S = 120
 CLEAN = {0, 2, 130, -signal.SIGKILL}
 """Exit statuses: done in time, a worker died, interrupted, killed."""
+TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
+"""A campaign that is killed cannot clear away what its pool shares: Python's tracker does, and says so."""
 
 
 class Kind(NamedTuple):
@@ -112,8 +114,10 @@ def workers_of(pid: int) -> list[int]:
 
 def stopped(campaign: Path, out: Path, kind: Kind, after_s: float) -> tuple[int, int]:
     """Stops it after so long.  Its exit status, and how many cases were kept by then."""
+    killed = kind.number is signal.SIGKILL and not kind.to_worker
     process = subprocess.Popen(
         command(campaign, out, "--workers", str(kind.workers)),
+        env=os.environ | ({"PYTHONWARNINGS": TRACKER} if killed else {}),
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     begin = time.monotonic()
