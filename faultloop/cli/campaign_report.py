@@ -58,13 +58,13 @@ def _draw(
         return []
     from faultloop.study.campaign.figures import diagrams
     from faultloop.study.diagram import write_png
-    from faultloop.study.report import write_html
+    from faultloop.study.report import Report, write_html
 
-    reports[0].diagrams = diagrams(results, over)
+    figures = Report("figures", "In figures", diagrams=diagrams(results, over))
     if html is not None:
-        write_html(reports, html)
+        write_html([*reports[:-2], figures, *reports[-2:]], html)  # after what changed, if that was asked
     if png is not None:
-        write_png(results.name, reports[0].diagrams, png)
+        write_png(results.name, figures.diagrams, png)
     return [str(path) for path in (html, png) if path is not None]
 
 

@@ -171,7 +171,8 @@ class Diagram:
             axes.set_ylim(*self.y_range)
         if self.equal:
             axes.set_aspect("equal", adjustable="datalim")
-        axes.grid(color=GRID)
+        if self.surface is None:  # over cells it would hide what is written in them
+            axes.grid(color=GRID)
         axes.set_axisbelow(True)
         if any(curve.in_legend for curve in self.curves):
             axes.legend(fontsize=7, framealpha=0.85)
@@ -228,7 +229,7 @@ def _plotly_limit(figure: Any, limit: Limit, log: bool) -> None:
     figure.add_annotation(
         text=limit.name, font={"size": 11}, showarrow=False, xanchor="right",
         **({"xref": "x domain", "x": 1, "y": at, "yanchor": "bottom"} if limit.axis == "y"
-           else {"yref": "y domain", "y": 1, "x": at, "yanchor": "top"}),
+           else {"yref": "y domain", "y": 0, "x": at, "yanchor": "bottom"}),
     )  # fmt: skip
 
 
@@ -271,11 +272,11 @@ def _draw_limit(axes: Any, limit: Limit) -> None:
     (axes.axhline if across else axes.axvline)(limit.at, color=INK, linestyle="--", linewidth=0.8)
     axes.annotate(
         limit.name,
-        (0.995, limit.at) if across else (limit.at, 0.99),
+        (0.995, limit.at) if across else (limit.at, 0.01),
         xycoords=axes.get_yaxis_transform() if across else axes.get_xaxis_transform(),
         fontsize=7,
         ha="right",
-        va="bottom" if across else "top",
+        va="bottom",
     )
 
 

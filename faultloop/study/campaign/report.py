@@ -142,7 +142,7 @@ def _worst(results: Results) -> Table:
         why = row["reason"] or row["verdict"]
         own = [_after(row, relay) for relay in results.relays]
         rows.append([row["case"], values, why, *own, _command(results, row["case"])])
-    columns = ["case", "values", "verdict", *(f">{relay} ms" for relay in results.relays), "again"]
+    columns = [">case", "values", "verdict", *(f">{relay} ms" for relay in results.relays), "again"]
     return Table("Wrong ones first, then the slowest", columns, rows)
 
 
@@ -190,17 +190,17 @@ def changes(new: Results, old: Results) -> Report:
         times = [_change(before, now, relay) for relay in new.relays]
         verdicts = f"{before['verdict']} > {now['verdict']}"
         rows.append([now["case"], values, verdicts, *times, _command(new, now["case"])])
-    columns = ["case", "values", "verdict", *(f"{relay} ms" for relay in new.relays), "again"]
+    columns = [">case", "values", "verdict", *(f">{relay} ms" for relay in new.relays), "again"]
     report.tables.append(Table("Changed: what became wrong first, then the most", columns, rows))
     return report
 
 
 def _change(before: dict[str, Any], now: dict[str, Any], relay: str) -> str:
-    """``21.0 > 24.0``; with what tripped where that is not the same."""
+    """``21.0 > 24.0``, with what tripped where that is not the same; once what is as it was."""
     names = [[row[f"{relay}.{name}"] or "" for name in ("function", "loop")] for row in (before, now)]
     sides = []
     for row, own in zip((before, now), names, strict=True):
         after = _after(row, relay)
         time = after if isinstance(after, str) else f"{after:.1f}"
         sides.append(" ".join([time, *own]).strip() if names[0] != names[1] else time)
-    return " > ".join(sides)
+    return " > ".join(sides if sides[0] != sides[1] else sides[:1])
