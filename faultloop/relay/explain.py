@@ -2,23 +2,17 @@
 and everything that can keep it from starting.
 
 Nothing of it is computed while a relay runs.  The decision is a function of the samples, the phasors, the
-loops and the inputs (breaker, pilot scheme), all of which a log has; so the relay's own chain is run over
-them once more, and its bits must come out as they were logged.  `Retrace` does it and keeps, of the samples
-at which there is something to explain, what the kernels below measure by the functions that the zones use
-themselves.
+loops and the inputs (breaker, pilot scheme), all of which a log has; so `faultloop.review.retrace_run` runs
+the relay's own chain over them once more, and its bits must come out as they were logged.  Of the samples at
+which there is something to explain the kernels below measure by the functions that the zones use themselves.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay.bank import bank_of
-from faultloop.relay.chain import decide
 from faultloop.relay.characteristics import (
     OFFSET,
     QUAD,
@@ -29,10 +23,9 @@ from faultloop.relay.characteristics import (
     quad_measures,
 )
 from faultloop.relay.functions.lphd import cause
-from faultloop.relay.functions.pdis import BY_PHASORS, PDIS, delay, doubt, zone_depth
+from faultloop.relay.functions.pdis import delay, doubt, zone_depth
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
-from faultloop.relay.relay import Relay, RelayInputs
 from faultloop.relay.voltages import loops_of
 
 SHARED = np.dtype(
@@ -137,7 +130,8 @@ def zone_row(g: Record, q: Record, c: Record, w: Record, out: Record) -> None:
     out.waits = 1
     mask = q.released & c.loops & ~q.blocked_loops
     left = doubt(g, q, w)
-    out.confirmed = np.inf if left == np.inf or left == BY_PHASORS else zone_depth(g, q, c, mask, left)
+    early = left == np.inf or q.memory.age < g.lumped
+    out.confirmed = np.inf if early else zone_depth(g, q, c, mask, left)
 
 
 @njit
@@ -152,80 +146,3 @@ def explain(constants: NDArray, state: NDArray, shared: NDArray, zones: NDArray)
     for k in range(c.count.pdis):
         zone_row(g, q, c.pdis[k], s.pdis[k], zones[0, k])
     return True
-
-
-class Retrace:
-    """A relay that is run once more, over what a log has.
-
-    Parameters
-    ----------
-    relay : as it is when it is switched on; it may then be warmed up.
-
-    Attributes
-    ----------
-    shared : (n,) ``SHARED`` of the samples at which there is something to explain.
-    zones : (n, Z) ``ZONE``, one column for each distance zone in the order of the settings.
-    words : (m, 2) uint64, pickup and operate bits of all samples.
-    """
-
-    def __init__(self, relay: Relay) -> None:
-        self.relay = relay
-        self._cold = relay.save()
-        bank = bank_of([relay], 1)  # its records are the relay's from now on
-        self._constants, self._state = bank.constants, bank.state
-        self._zones = max(int(self._constants["count"][PDIS.key][0]), 1)
-        self._shared: list[NDArray[np.void]] = []
-        self._rows: list[NDArray[np.void]] = []
-        self._words: list[NDArray[np.uint64]] = []
-
-    def restart(self) -> None:
-        """Cold, as after a gap."""
-        self.relay.restore(self._cold)
-
-    def run(
-        self,
-        first: int,
-        samples: NDArray[np.float64],
-        phasors: NDArray[np.float64],
-        loops: NDArray[np.float64],
-        inputs: NDArray[np.int64],
-        before: Callable[[int], object] | None = None,
-    ) -> None:
-        """Samples (n, 6) or (n, WIDE) from number ``first`` on, phasors (n, 14), loops (n, 12), and what the
-        relay heard, rows of `RelayInputs` (n, 5); ``before`` each sample is called with its number, for what
-        else comes from outside."""
-        n = len(samples)
-        words = np.zeros((n, 2), np.uint64)
-        shared, zones = np.zeros(n, SHARED), np.zeros((n, self._zones), ZONE)
-        kept, heard = 0, inputs.tolist()
-        for k in range(n):
-            one = slice(k, k + 1)
-            self.relay.sample_count = first + k
-            self.relay.set_inputs(RelayInputs(*heard[k]))
-            if before is not None:
-                before(first + k)
-            decide(self._constants, self._state, samples[one], phasors[one], loops[one], words[one])
-            row = slice(kept, kept + 1)
-            if explain(self._constants, self._state, shared[row], zones[row]):
-                shared["number"][kept] = first + k
-                kept += 1
-        self._words.append(words)
-        self._shared.append(shared[:kept].copy())
-        self._rows.append(zones[:kept].copy())
-
-    @property
-    def shared(self) -> NDArray[np.void]:
-        return np.concatenate(self._shared) if self._shared else np.zeros(0, SHARED)
-
-    @property
-    def zones(self) -> NDArray[np.void]:
-        return np.concatenate(self._rows) if self._rows else np.zeros((0, self._zones), ZONE)
-
-    @property
-    def words(self) -> NDArray[np.uint64]:
-        return np.concatenate(self._words) if self._words else np.zeros((0, 2), np.uint64)
-
-    @property
-    def constants(self) -> Any:
-        """Record of type `faultloop.relay.layout.CONSTANTS`: the settings in primary values and samples."""
-        return self._constants[0]

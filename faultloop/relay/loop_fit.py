@@ -29,6 +29,11 @@ Drop = tuple[complex, complex]
 Means = tuple[int, int, int]
 Sums = tuple[float, float, float, float, float, float, float, float, float]
 
+SHORTEST, LONGEST = 4, 15
+"""Tenths of a cycle: the window grows with the disturbance."""
+ALIKE = 0.05
+"""Three loops see one fault where each fit leaves less than this of the drop along the line, and where their
+m and resistances, per unit of the line, differ by less than this and this part of m."""
 FIRST = (0, 1, 2, 0, 1, 2)
 SECOND = (1, 2, 0, 1, 2, 0)
 SINGULAR = 1e-6
@@ -45,6 +50,13 @@ def loop_values(r: Record, back: int, loop: int) -> tuple[float, float, float]:
         return x[loop], x[3 + loop], x[3] + x[4] + x[5] + r.mutual * x[6]
     first, second = FIRST[loop], SECOND[loop]
     return x[first] - x[second], x[3 + first] - x[3 + second], 0.0
+
+
+@njit
+def window(g: Record, age: int) -> int:
+    """Values of the fit's, for a disturbance of this age [samples]: what still rings late is the slower the
+    longer it has lasted, and wants a longer mean."""
+    return min(max(10 * age, SHORTEST * g.cycle), LONGEST * g.cycle) * g.values // (10 * g.cycle)
 
 
 @njit(heap=True)
@@ -132,6 +144,26 @@ def fit(sums: Sums, sign: int) -> tuple[float, float, float]:
             m = (uv * ff - vf * uf) / determinant
             left = vv - m * uv - r * vf
     return m, math.sqrt(max(left, 0.0) / uu), r
+
+
+@njit
+def pairs_alike(g: Record, r: Record, age: int) -> bool:
+    """Whether the three phase pairs see the same impedance in time: a three-phase fault, or a balanced
+    change.  What rings on the way to it is in no two phases alike, so that phasors show now this pair and now that."""
+    length = window(g, age)
+    mean = max(length // 8, 1)
+    low = low_r = np.inf
+    high = high_r = -np.inf
+    for loop in range(3, 6):
+        sums = gather(g, r, (g.z1, 0j), loop, (mean, mean, mean), length - 3 * mean + 2)
+        m, left, resistance = fit(sums, -1 if sums[1] < 0.0 else 1)
+        if not left < ALIKE:
+            return False
+        per_unit = resistance / abs(g.z1)
+        low, high = min(low, m), max(high, m)
+        low_r, high_r = min(low_r, per_unit), max(high_r, per_unit)
+    most = ALIKE * (1.0 + max(high, -low))
+    return high - low < most and high_r - low_r < most
 
 
 @njit

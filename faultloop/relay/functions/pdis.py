@@ -31,7 +31,7 @@ from faultloop.relay.characteristics import (
     quad_depth,
 )
 from faultloop.relay.functions.function import Function, Polygon
-from faultloop.relay.loop_fit import Sums, centred, doubted, fit, gather
+from faultloop.relay.loop_fit import SHORTEST, Sums, centred, doubted, fit, gather, window
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
 from faultloop.relay.standing import standing_depth
@@ -55,8 +55,6 @@ window, which means smooth over; in the first cycle inside; then, and the part o
 is inside.  Two means leave half of what one does of noise, and the depth is no
 better for it: with 2 one of 56 faults on the parallel line was inside at first (bench/security.py, seed 4711,
 case 28)."""
-SHORTEST = 4
-"""Tenths of a cycle: the window of the fit."""
 BY_PHASORS = 0.0
 POINTS = 73
 
@@ -202,12 +200,8 @@ def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: 
 
 @njit
 def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> float:
-    """m by the samples of the loop, with ``doubt`` times what the fit leaves added; OUTSIDE for one behind.
-
-    The window is two fifths of a cycle, and grows with the disturbance to one and a half: what still rings
-    then is the slower the longer it has lasted, and wants a longer mean.
-    """
-    length = min(max(10 * q.memory.age, SHORTEST * g.cycle), 15 * g.cycle) * g.values // (10 * g.cycle)
+    """m by the samples of the loop, with ``doubt`` times what the fit leaves added; OUTSIDE behind it."""
+    length = window(g, q.memory.age)
     drop = c.reach, c.k0 * c.reach
     ratio, m = weakness(g, q), OUTSIDE
     if is_believed(g, q, ratio):

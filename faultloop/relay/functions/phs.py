@@ -30,6 +30,7 @@ from faultloop.jit import njit
 from faultloop.relay import swing
 from faultloop.relay.currents import blocked_loops
 from faultloop.relay.functions.function import Function
+from faultloop.relay.loop_fit import pairs_alike
 from faultloop.relay.memory import A2, A, positive_sequence, size2, weight
 from faultloop.relay.quantities import LOOPS, Record, indicate, sequences
 from faultloop.relay.voltages import loops_of
@@ -252,7 +253,8 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     the estimator is still on its way to the fault's state: on the way each phase has its own transient,
     and a three-phase fault can look like a two-phase one.  Once settled, the type is changed only while
     something moves - a slow swing during a long fault is no new fault - and not where the far end's opening
-    explains it, which takes the load away from the healthy phases.
+    explains it, which takes the load away from the healthy phases.  What looks like several phases in turn is
+    three-phase if the samples say so (`loop_fit.pairs_alike`).
 
     Of two faults on two sides (cross-country) the change tells neither: the type is that of the phases ahead,
     as a loop on the line still measures its own.  What looks like that waits for up to a cycle, or zone 1
@@ -262,6 +264,9 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     settled = w.fault != 0 and q.memory.age >= 2 * g.cycle
     if settled and candidate != w.fault and classify_without_load(g, q, c) == w.fault:
         candidate = w.fault
+    unsure = 3 < candidate < 7 and not settled and (w.fault == 0 or w.fault == 7)
+    if unsure and pairs_alike(g, q.recent, q.memory.age):
+        candidate = 7
     if candidate != w.candidate:
         w.candidate = candidate
         w.count = 0
