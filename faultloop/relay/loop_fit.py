@@ -148,8 +148,10 @@ def fit(sums: Sums, sign: int) -> tuple[float, float, float]:
 
 @njit
 def pairs_alike(g: Record, r: Record, age: int) -> bool:
-    """Whether the three phase pairs see the same impedance in time: a three-phase fault, or a balanced
-    change.  What rings on the way to it is in no two phases alike, so that phasors show now this pair and now that."""
+    """Whether the three pairs see the same impedance in time: a three-phase fault, or a balanced change.
+
+    What rings on the way to it is in no two phases alike, so that phasors show now this pair and now that.
+    """
     length = window(g, age)
     mean = max(length // 8, 1)
     low = low_r = np.inf
