@@ -2,10 +2,10 @@
 
     python bench/cvt.py [--circuits ideal,P1,P2,A1,A2] [--sir 0.5,1,5,10,18,30] [--at 0.1,0.3,0.5,0.7,0.9,1]
                         [--angles 12] [--kind none|ideal|cvt] [--burden 100] [--noise 0] [--zone mho|quad]
-                        [--types AG,BC,BCG,ABC] [--within MS] [--markdown]
+                        [--types AG,BC,BCG,ABC] [--frequency 50] [--order 2] [--within MS] [--markdown]
 
 A 220 kV Bergeron line of 100 km with 80 km behind its far end, a source of SIR times the line, 8 degrees of
-load, bolted A-G, B-C, B-C-G and A-B-C, 1500 Hz low-pass.  ``--kind`` is what the relay is told of its VT:
+load, bolted A-G, B-C, B-C-G and A-B-C, 1500 Hz low-pass of ``--order``.  ``--kind`` is what the relay is told of its VT:
 nothing, that it is ideal, or its circuit with 100 VA; ``--burden`` [VA] of the plant's circuit, which nobody
 tells it; ``--noise`` of the voltages, of their RMS.  ``--within``: how many start within so many ms, and the
 slowest, in place of median and worst; ``--markdown``: a table for docs/relay.md.
@@ -30,7 +30,14 @@ TYPES = ("AG", "BC", "BCG", "ABC")
 
 
 def samples(
-    circuit: str, sir: float, at: float, kind: str, angle: float, burden: float
+    circuit: str,
+    sir: float,
+    at: float,
+    kind: str,
+    angle: float,
+    burden: float,
+    hz: float = 50,
+    order: int = 2,
 ) -> tuple[np.ndarray, int]:
     """(n, 6) at the line's beginning, and the number of the first one of the fault."""
     zs = sir * abs(Z1) * Z1 / abs(Z1)
@@ -40,7 +47,7 @@ def samples(
     relay = {"name": "R", "line": "AB", "end": "from", "settings": "none"}
     data = {
         "scenario": {"name": "cvt", "duration_s": DURATION_S},
-        "system": {"frequency_hz": 50, "base_kv": 220},
+        "system": {"frequency_hz": hz, "base_kv": 220, "sampling_hz": RATE},
         "source": [
             {
                 "name": "SA",
@@ -57,7 +64,7 @@ def samples(
         ],
         "fault": [{**place, "type": kind, "angle_deg": angle, "after_s": 0.02}],
         "relay": [relay if circuit == "ideal" else relay | {"vt": "V"}],
-        "front_end": {"antialias_hz": 1500},
+        "front_end": {"antialias_hz": 1500, "antialias_order": order},
     }
     if circuit != "ideal":
         data["vt"] = [vt]
@@ -73,10 +80,10 @@ def samples(
     return np.concatenate(blocks), begin
 
 
-def settings(told: str, zone: str, estimator: str, circuit: str = "ideal") -> RelaySettings:
+def settings(told: str, zone: str, estimator: str, circuit: str = "ideal", hz: float = 50) -> RelaySettings:
     shape = {"characteristic": "quad", "resistive_reach_ohm": 20.0} if zone == "quad" else {}
     data = {
-        "relay": {"frequency_hz": 50, "nominal_kv": 220},
+        "relay": {"frequency_hz": hz, "nominal_kv": 220},
         "estimator": {"method": estimator, "unsafe": True},
         "line": {"z1_ohm": [Z1.real, Z1.imag], "z0_ohm": [Z0.real, Z0.imag]},
         "pdis": [{"zone": 1, "reach_pu": 0.8, **shape}],
@@ -120,6 +127,8 @@ def main() -> None:
     parser.add_argument("--zone", choices=("mho", "quad"), default="mho")
     parser.add_argument("--estimator", default="kalman-bank")
     parser.add_argument("--types", default=",".join(TYPES))
+    parser.add_argument("--frequency", type=float, default=50.0)
+    parser.add_argument("--order", type=int, choices=(2, 4), default=2, help="of the low-pass")
     parser.add_argument("--within", type=float, default=math.inf)
     parser.add_argument("--markdown", action="store_true")
     given = parser.parse_args()
@@ -137,9 +146,10 @@ def main() -> None:
                 times = []
                 for kind in types:
                     for k in range(given.angles):
-                        x, begin = samples(circuit, sir, at, kind, 180.0 * k / given.angles, given.burden)
+                        angle, hz = 180.0 * k / given.angles, given.frequency
+                        x, begin = samples(circuit, sir, at, kind, angle, given.burden, hz, given.order)
                         x[:, :3] += given.noise * 220e3 / math.sqrt(3) * rng.standard_normal((len(x), 3))
-                        relay = Relay(settings(given.kind, given.zone, given.estimator, circuit))
+                        relay = Relay(settings(given.kind, given.zone, given.estimator, circuit, hz))
                         times.append(start_ms(relay, x, begin))
                 cells.append(cell(np.array(times), given.within))
             if given.markdown:

@@ -35,7 +35,13 @@ from faultloop.relay.loop_fit import SHORTEST, Sums, centred, doubted, fit, gath
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
 from faultloop.relay.standing import standing_depth
-from faultloop.relay.unknown_vt import CENTRED_DOUBT, is_believed, is_believed_centred, weakness
+from faultloop.relay.unknown_vt import (
+    CENTRED_DOUBT,
+    PHASORS_CYCLES,
+    is_believed,
+    is_believed_centred,
+    weakness,
+)
 from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
@@ -270,10 +276,13 @@ def doubt(g: Record, q: Record, w: Record) -> float:
     """How much what the fit leaves counts; infinite while the voltage cannot be trusted (`unknown_vt`).
 
     After a cycle inside less and less: what rings has gone by then, and what stays - noise, an offset that a
-    transformer has added - says nothing against the depth; but behind a weak source.
+    transformer has added - says nothing against the depth; but behind a weak source, where the phasors decide
+    in the end (`unknown_vt`).
     """
     ratio = weakness(g, q)
     if ratio > 0.0:
+        if w.inside >= PHASORS_CYCLES * g.cycle:
+            return BY_PHASORS
         return DOUBT if is_believed(g, q, ratio) or is_believed_centred(g, q, ratio) else np.inf
     young = EARLY if 10 * q.memory.age < SHORTEST * g.cycle else YOUNG
     return young if w.inside < g.cycle else DOUBT * max(g.cycle / w.inside, STAYS)
