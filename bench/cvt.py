@@ -5,7 +5,7 @@
                         [--types AG,BC,BCG,ABC] [--frequency 50] [--order 2] [--within MS] [--markdown]
 
 A 220 kV Bergeron line of 100 km with 80 km behind its far end, a source of SIR times the line, 8 degrees of
-load, bolted A-G, B-C, B-C-G and A-B-C, 1500 Hz low-pass of ``--order``.  ``--kind`` is what the relay is told of its VT:
+load, bolted A-G, B-C, B-C-G and A-B-C, 1500 Hz low-pass.  ``--kind`` is what the relay is told of its VT:
 nothing, that it is ideal, or its circuit with 100 VA; ``--burden`` [VA] of the plant's circuit, which nobody
 tells it; ``--noise`` of the voltages, of their RMS.  ``--within``: how many start within so many ms, and the
 slowest, in place of median and worst; ``--markdown``: a table for docs/relay.md.
