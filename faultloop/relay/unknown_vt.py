@@ -24,7 +24,7 @@ from faultloop.relay.memory import size2
 
 Record = Any
 
-WEAK = 2.5
+WEAK = 3.2
 """Source over line, from the change of voltages and currents: up to here nothing waits."""
 LONGEST, STRONGER = 1.5, 5.0
 """Cycles that a zone waits behind a source of 5 times the line and more; less behind a stronger one."""

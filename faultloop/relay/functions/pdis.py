@@ -284,7 +284,8 @@ def doubt(g: Record, q: Record, w: Record) -> float:
         if w.inside >= PHASORS_CYCLES * g.cycle:
             return BY_PHASORS
         return DOUBT if is_believed(g, q, ratio) or is_believed_centred(g, q, ratio) else np.inf
-    young = EARLY if 10 * q.memory.age < SHORTEST * g.cycle else YOUNG
+    early = not g.ideal_vt or 10 * q.memory.age < SHORTEST * g.cycle
+    young = EARLY if early else YOUNG
     return young if w.inside < g.cycle else DOUBT * max(g.cycle / w.inside, STAYS)
 
 
