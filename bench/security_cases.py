@@ -164,6 +164,11 @@ def fault(case: dict[str, Any]) -> dict[str, Any]:
 
 
 def scenario(case: dict[str, Any], antialias_hz: float, order: int = 2) -> Scenario:
+    return Scenario.from_dict(tables(case, antialias_hz, order) | {"fault": [fault(case)]})
+
+
+def tables(case: dict[str, Any], antialias_hz: float, order: int) -> dict[str, Any]:
+    """Of the scenario, without a fault."""
     line, frequency = case["line"], case["frequency"]
     lines = [
         {"name": "XA", "from": "X", "to": "A", "length_km": case["near"], **line},
@@ -174,25 +179,22 @@ def scenario(case: dict[str, Any], antialias_hz: float, order: int = 2) -> Scena
         lines.append({"name": "PP", "from": "A", "to": "B", "length_km": case["length"], **line})
     source = {"bus": "X", "voltage_pu": 1.02, "frequency_hz": frequency}
     far = {"bus": "C", "angle_deg": -case["load"], "frequency_hz": frequency}
-    return Scenario.from_dict(
-        {
-            "scenario": {"name": "security", "duration_s": DURATION_S, "seed": case["number"]},
-            "system": {"frequency_hz": case["f0"], "base_kv": case["kv"], "sampling_hz": case["sampling"]},
-            "source": [{"name": "SX", **source, **case["X"]}, {"name": "SC", **far, **case["C"]}],
-            "line": lines,
-            "fault": [fault(case)],
-            "relay": [
-                {"name": "RA", "line": "AB", "end": "from", "settings": "none"},
-                {"name": "RB", "line": "AB", "end": "to", "settings": "none"},
-            ],
-            "front_end": {
-                "antialias_hz": antialias_hz,
-                "antialias_order": order,
-                "voltage_noise_v": case["noise"] * 1e3 * case["kv"] / math.sqrt(3),
-                "current_noise_a": case["noise"] * 1e3,
-            },
-        }
-    )
+    return {
+        "scenario": {"name": "security", "duration_s": DURATION_S, "seed": case["number"]},
+        "system": {"frequency_hz": case["f0"], "base_kv": case["kv"], "sampling_hz": case["sampling"]},
+        "source": [{"name": "SX", **source, **case["X"]}, {"name": "SC", **far, **case["C"]}],
+        "line": lines,
+        "relay": [
+            {"name": "RA", "line": "AB", "end": "from", "settings": "none"},
+            {"name": "RB", "line": "AB", "end": "to", "settings": "none"},
+        ],
+        "front_end": {
+            "antialias_hz": antialias_hz,
+            "antialias_order": order,
+            "voltage_noise_v": case["noise"] * 1e3 * case["kv"] / math.sqrt(3),
+            "current_noise_a": case["noise"] * 1e3,
+        },
+    }
 
 
 def record(case: dict[str, Any], antialias_hz: float) -> tuple[np.ndarray, int]:
