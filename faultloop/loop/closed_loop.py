@@ -204,8 +204,9 @@ class ClosedLoop:
                 self.recorder.block(name, self.clock, base, block)
         told: list[tuple[int, int, Any]] = [(event[0], -1, event) for event in self._traffic.events()]
         now["heard"] = 0
+        notices = bank.notice[: int(bank.notices[0])].tolist()
         for i in range(len(self.relays)):
-            told += [(event.sample_count, i, event) for event in self._events_of(i, sample - base)]
+            told += [(event.sample_count, i, event) for event in self._events_of(i, sample - base, notices)]
         bank.notices[0] = 0
         for _, relay, event in sorted(told, key=itemgetter(0, 1)):
             if relay < 0:
@@ -214,15 +215,15 @@ class ClosedLoop:
                 self._record_events(relay, (event,))
         self._make_room(sample - base)
 
-    def _events_of(self, number: int, count: int) -> Sequence[Event]:
-        """What a relay has to tell of the samples in its first `count` rows."""
+    def _events_of(self, number: int, count: int, notices: Sequence[Sequence[int]]) -> Sequence[Event]:
+        """What a relay has to tell of the samples in its first `count` rows; ``notices``: whose, at which
+        sample, the records in the bank are."""
         bank = self._bank
-        own, notices = bank.relay[number], int(bank.notices[0])
-        mine = [k for k in range(notices) if bank.notice[k, 0] == number]
-        if not own["changed"] and not mine:
+        own = bank.relay[number]
+        told = [(at, bank.told[k : k + 1]) for k, (relay, at) in enumerate(notices) if relay == number]
+        if not own["changed"] and not told:
             return ()
         own["changed"] = 0
-        told = [(int(bank.notice[k, 1]), bank.told[k : k + 1]) for k in mine]
         first, words = int(self._now["base"]), bank.words[number, :count]
         return self.relays[number].told(first, words, told, texts=self.recorder.wants_texts)
 

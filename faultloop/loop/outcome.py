@@ -218,8 +218,9 @@ class Fold:
 
     def count_frames(self, counts: NDArray[np.int64]) -> None:
         """In place of the frames themselves: how many there were, by identifier, at last of extended ones."""
-        for identifier in np.flatnonzero(counts).tolist():
-            self._count(identifier, identifier == len(counts) - 1, int(counts[identifier]))
+        there = np.flatnonzero(counts)
+        for identifier, count in zip(there.tolist(), counts[there].tolist(), strict=True):
+            self._count(identifier, identifier == len(counts) - 1, count)
 
     def _count(self, identifier: int, extended: bool, count: int) -> tuple[Kind | None, int]:
         kind, number = BY_IDENTIFIER.get(identifier, (None, 0))

@@ -41,6 +41,8 @@ from faultloop.nodes.node import joined, replaced
 from faultloop.nodes.tables import BusTables
 
 CAN_EVENTS = "/can/events"
+OF_BUS = tuple(sorted({*BusTables.model_fields, "breaker"} - {"scenario", "bus_fault"}))
+"""Tables of a scenario that nodes and bus are made from."""
 
 
 def is_same_bus(a: Scenario, b: Scenario) -> bool:
@@ -49,8 +51,7 @@ def is_same_bus(a: Scenario, b: Scenario) -> bool:
         return False
     if a.scenario.seed != b.scenario.seed:
         return False
-    alike = {*BusTables.model_fields, "breaker"} - {"scenario", "bus_fault"}
-    return all(getattr(a, key) == getattr(b, key) for key in alike)
+    return all(getattr(a, key) == getattr(b, key) for key in OF_BUS)
 
 
 class Acts(Protocol):

@@ -23,7 +23,8 @@ def judge_case(
     judges: Sequence[Judge], scenario: Scenario, trips: list[TripReport], fault_ns: int | None
 ) -> CaseVerdict:
     """All judges that apply must hold; the first that does not is the reason."""
-    where = {place.name: where_of(scenario, place) for place in scenario.relay}
+    asked = {judge.relay for judge in judges if judge.where is not None}
+    where = {place.name: where_of(scenario, place) for place in scenario.relay if place.name in asked}
     applied = False
     for judge in judges:
         if judge.where is not None and judge.where != where[judge.relay]:

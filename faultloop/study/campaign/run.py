@@ -144,21 +144,21 @@ class Job:
     def _case(self, number: int, values: dict[str, Any] | InputError) -> tuple[dict[str, Any], Kept | None]:
         """A case's row, and what is kept of it where it could be run."""
         if isinstance(values, InputError):
-            return failed(self.schema, number, {}, str(values)), None
+            return failed(number, {}, str(values)), None
         try:
             case = self.plan.made(number, values)
             sinks = [] if self.waves is None else [MemorySink()]
             if self._cases.full:
                 self._cases = Cases()
             outcome = self._cases.prepare(case.scenario, case.settings).run(sinks, texts=False)
-            row = row_of(self.plan, self.schema, case, outcome)
+            row = row_of(self.plan, case, outcome)
             return row, None if self.waves is None else self.waves.of(case.scenario, sinks[0])
         except InputError as error:
-            return failed(self.schema, number, values, str(error)), None
+            return failed(number, values, str(error)), None
         except MemoryError:
             raise
         except Exception as error:  # a user's element may raise anything
-            return failed(self.schema, number, values, f"{type(error).__name__}: {error}"), None
+            return failed(number, values, f"{type(error).__name__}: {error}"), None
 
 
 _job: Job | None = None

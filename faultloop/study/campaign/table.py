@@ -62,22 +62,10 @@ def _type_of(values: Sequence[Any]) -> pa.DataType:
     return pa.string()
 
 
-def _cell(value: Any, type_: pa.DataType) -> Any:
-    if not pa.types.is_string(type_):
-        return (
-            float(value)
-            if pa.types.is_floating(type_)
-            else int(value)
-            if pa.types.is_integer(type_)
-            else value
-        )
-    return value if isinstance(value, str) else json.dumps(value)
-
-
-def row_of(plan: Plan, schema: pa.Schema, case: Case, outcome: CaseOutcome) -> dict[str, Any]:
+def row_of(plan: Plan, case: Case, outcome: CaseOutcome) -> dict[str, Any]:
     """A case that ran."""
     fault_ns = outcome.fault_start_ns
-    row = started(schema, case.number, case.values)
+    row = started(case.number, case.values)
     row |= outcome_cells(case.scenario, outcome.trips, fault_ns, outcome.fault_locations)
     row["verdict"], row["reason"] = judge_case(plan.tables.judge, case.scenario, outcome.trips, fault_ns)
     return row
@@ -108,21 +96,27 @@ def outcome_cells(
     return cells
 
 
-def failed(schema: pa.Schema, number: int, values: Mapping[str, Any], error: str) -> dict[str, Any]:
+def failed(number: int, values: Mapping[str, Any], error: str) -> dict[str, Any]:
     """A case that could not be run."""
-    return started(schema, number, values) | {"verdict": "unjudged", "error": " ".join(error.split())}
+    return started(number, values) | {"verdict": "unjudged", "error": " ".join(error.split())}
 
 
-def started(schema: pa.Schema, number: int, values: Mapping[str, Any]) -> dict[str, Any]:
-    """A row with its case and values; the rest null."""
-    row: dict[str, Any] = dict.fromkeys(schema.names)
-    row["case"] = number
-    for key, value in values.items():
-        row[key] = _cell(value, schema.field(key).type)
-    return row
+def started(number: int, values: Mapping[str, Any]) -> dict[str, Any]:
+    """A row with its case and values."""
+    return {"case": number, **values}
 
 
 def arrow(schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Rows as a table."""
-    columns = [pa.array([row[name] for row in rows], schema.field(name).type) for name in schema.names]
+    """Rows as a table; null where a row has nothing."""
+    columns = [pa.array(_cells([row.get(f.name) for row in rows], f.type), f.type) for f in schema]
     return pa.Table.from_arrays(columns, schema=schema)
+
+
+def _cells(values: list[Any], type_: pa.DataType) -> list[Any]:
+    """As the column's type takes them: what is neither text nor a number as JSON."""
+    if pa.types.is_string(type_):
+        return [value if value is None or isinstance(value, str) else json.dumps(value) for value in values]
+    if pa.types.is_boolean(type_):
+        return values
+    number = float if pa.types.is_floating(type_) else int
+    return [None if value is None else number(value) for value in values]

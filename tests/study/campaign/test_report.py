@@ -42,7 +42,7 @@ def by_hand(folder: Path, tables: Tables, name: str, delay_ms: float = 0.0) -> P
     rows = []
     for number in range(campaign.cases):
         values = campaign.plan.values(number)
-        row = started(schema, number, values)
+        row = started(number, values)
         x = values["fault.F1.at_pu"]
         row |= {"fault_ns": 100_000_000, "verdict": "right", "RB.tripped": False, "RA.tripped": x < 0.8}
         if x < 0.8:
