@@ -1,6 +1,6 @@
 """A campaign that is stopped at random moments and gone on with has the bytes of one that ran in one go.
 
-    python bench/campaign_kill.py [--kills 20] [--cases 300] [--seed 1] [--cluster]
+    python bench/campaign_kill.py [--kills 20] [--cases 1500] [--seed 1] [--cluster]
 
 In turns kill -9 of the campaign, of one of its workers, SIGINT, SIGTERM; with one worker and with two.  After
 each the campaign is gone on with to its end, and its file and waves are compared with those of the one that
@@ -210,7 +210,7 @@ def on_a_cluster(campaign: Path, out: Path, whole: str) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--cases", type=int, default=300)
+    parser.add_argument("--cases", type=int, default=1500)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cluster", action="store_true")
     options = parser.parse_args()

@@ -68,7 +68,7 @@ def test_rows_are_what_run_says(folder: Path, tables: Tables) -> None:
                 assert row[f"{relay}.{column}"] == getattr(first, name, None)
             location = result.fault_locations[relay]
             assert row[f"{relay}.location_pu"] == (location if math.isfinite(location) else None)
-        assert row["error"] is None
+        assert "error" not in row
     verdicts = [row["verdict"] for row in rows]
     # Zone 1 of RA reaches 0.85: a fault at 0.97 is for zone 2, which comes after the run's end.
     assert verdicts == ["right"] * 4 + ["wrong"] * 2
@@ -381,7 +381,7 @@ def test_relays_are_not_kept_for_ever(folder: Path, tables: Tables, monkeypatch:
     used: list[Any] = []
     for number, values in job._batch(0):
         row, _ = job._case(number, values)
-        assert row["error"] is None
+        assert "error" not in row
         used.append(job._cases)
     assert [used.index(cases) for cases in used] == [0, 0, 0, 3, 3, 5]  # RA of 0.5, RB, RA of 0.6: three
     assert [case for case, _ in job._batch(0)] == [0, 3, 1, 4, 2, 5]
