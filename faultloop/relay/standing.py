@@ -17,7 +17,7 @@ import numpy as np
 
 from faultloop.jit import njit
 from faultloop.relay.loop_fit import BEHIND, Drop, Sums, fit, gather
-from faultloop.relay.memory import third
+from faultloop.relay.memory import A2, A, size2, third
 
 Record = Any
 STANDS = 0.25
@@ -29,6 +29,10 @@ LEFT = 0.01
 DOUBT = 2.0
 """How much what is left counts against the depth."""
 PHASE_LOOPS = 0b111000
+GROUND = 0.25
+"""Of I2: above it I0 is that of a fault to ground."""
+TURNS = (complex(1.0, 0.0), A, A2)
+"""Of the negative sequence, from phase A to each."""
 
 
 @njit
@@ -67,13 +71,29 @@ def standing(g: Record, q: Record, pace: float, jumped: bool) -> int:
 
 
 @njit
-def of_one_fault(standing: int) -> int:
+def opposite_pair(i0: complex, i2: complex) -> int:
+    """Of the phase in which I2 and I0 agree: the pair beside it, as a mask; 0 with little I0.  They agree in
+    the faulted phase of one, and in the healthy one of a pair to ground."""
+    if size2(i0) < GROUND**2 * size2(i2):
+        return 0
+    pair, best = 0, -np.inf
+    for k in range(3):
+        along = (TURNS[k] * i2 * i0.conjugate()).real
+        if along > best:
+            pair, best = 8 << (k + 1) % 3, along
+    return pair
+
+
+@njit
+def of_one_fault(standing: int, opposite: int) -> int:
     """Of the loops that stand those that are a fault's: a pair that stands without both its phases to ground,
-    while one phase does, swings past."""
+    while one phase does, swings past; but not the pair ``opposite``, which I2 and I0 say it may be."""
     ground = standing & ~PHASE_LOOPS
     if ground == 0:
         return standing
     mask = 0
+    if opposite and standing & opposite:
+        return standing & opposite
     for pair in range(3):
         phases = 1 << pair | 1 << (pair + 1) % 3
         if (standing >> (3 + pair)) & 1 and ground & phases == phases:
@@ -84,7 +104,8 @@ def of_one_fault(standing: int) -> int:
 @njit
 def standing_type(g: Record, q: Record) -> int:
     """1 .. 6 of a fault whose loops stand still: the pair, with ground or without, or the phase."""
-    drop, found, least, mask = (g.z1, third(g.z0 - g.z1)), 0, np.inf, of_one_fault(q.standing)
+    drop, found, least = (g.z1, third(g.z0 - g.z1)), 0, np.inf
+    mask = of_one_fault(q.standing, opposite_pair(q.sequence[3], q.sequence[5]))
     for loop in range(6):
         if (mask >> loop) & 1:
             _, left = piece(g, q, drop, loop)
@@ -94,9 +115,10 @@ def standing_type(g: Record, q: Record) -> int:
 
 
 @njit
-def standing_place(g: Record, q: Record) -> float:
-    """Per unit of the line from the relay, by the loop that stands still best."""
-    return piece(g, q, (g.z1, third(g.z0 - g.z1)), standing_type(g, q) - 1)[0]
+def standing_place(g: Record, q: Record) -> tuple[float, float]:
+    """Per unit of the line from the relay, by the loop that stands still best, and what that leaves: of a
+    resistance alone more than its place."""
+    return piece(g, q, (g.z1, third(g.z0 - g.z1)), standing_type(g, q) - 1)
 
 
 @njit

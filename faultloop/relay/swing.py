@@ -27,7 +27,7 @@ from faultloop.jit import njit
 from faultloop.relay import energy
 from faultloop.relay.memory import A2, A, positive_sequence, size2, third, weight
 from faultloop.relay.quantities import sequences
-from faultloop.relay.standing import standing_type
+from faultloop.relay.standing import GROUND, TURNS, standing_type
 
 Record = Any
 STRAIGHT = 0.01
@@ -38,12 +38,8 @@ OFF = 0.1
 VOLTAGE = 0.02
 """Of the swing's."""
 
-GROUND = 0.25
-"""Of I2: above it I0 is that of a fault to ground."""
 APART, CLEAR = 3.0, 0.3
 """Of the least resistance, and of the line: above both a second loop's is none of a fault."""
-TURNS = (complex(1.0, 0.0), A, A2)
-"""Of the negative sequence, from phase A to each."""
 YOUNG, UNBALANCED, BALANCED = 1, 2, 3
 """Faults in a swing (``q.swing_fault``): one whose change is still known, then one without."""
 

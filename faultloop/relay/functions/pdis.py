@@ -29,12 +29,14 @@ from faultloop.relay.characteristics import (
     loop_voltage,
     mho_depth,
     quad_depth,
+    quad_measures,
 )
 from faultloop.relay.functions.function import Function, Polygon
 from faultloop.relay.loop_fit import SHORTEST, Sums, centred, doubted, fit, gather, window
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
 from faultloop.relay.standing import standing_depth
+from faultloop.relay.swing import UNBALANCED
 from faultloop.relay.unknown_vt import (
     CENTRED_DOUBT,
     PHASORS_CYCLES,
@@ -47,6 +49,7 @@ from faultloop.relay.voltages import loops_of
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
+ALL_POLES = 7
 MAX_ZONES = 16
 _POLARIZATION = {"self": SELF, "cross": CROSS, "memory": MEMORY_POLARIZED}
 _DIRECTION = {"forward": 1, "reverse": -1, "none": 0}
@@ -182,6 +185,9 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
         m = quad_depth(g, q, c, loop, v, i)
     if q.swing_fault:
         m = min(m, standing_depth(g, q, (c.reach, c.k0 * c.reach), loop, c.direction))
+        if q.swing_fault == UNBALANCED and c.characteristic < OFFSET and q.closed == ALL_POLES:
+            # the sources are far apart, and with them V and I: a resistance does not look like one
+            m = max(m, quad_measures(g, q, c, loop, v, i, complex(1.0, 0.0))[0])
     return m if m == m else OUTSIDE
 
 

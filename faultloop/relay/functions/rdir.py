@@ -184,14 +184,24 @@ def by_sector(c: Record, v: complex, i: complex) -> int:
 
 
 @njit
+def agreed(g: Record, q: Record, c: Record, by_place: int) -> int:
+    """The side by a place, but where I2 says the other one; an open pole's I2 says nothing."""
+    i1, i2 = q.sequence[4], q.sequence[5]
+    if q.closed != ALL_POLES or size2(i2) < g.minimum_unbalance**2 * size2(i1):
+        return by_place
+    by_current = by_impedance(c, projection(q.sequence[2], i2, g.z1), size2(i2), g.z1)
+    return 0 if by_current == -by_place else by_place
+
+
+@njit
 def in_swing(g: Record, q: Record, c: Record) -> int:
     """What this sample says of a fault in a swing, in which nothing from before is known: by the place of a
     loop that stands still, else by the negative and zero sequence, of a balanced one by its impedance."""
     v0, v1, v2, i0, i1, i2 = q.sequence
     if q.standing:
-        m = standing_place(g, q)
-        if abs(m) > AT_THE_RELAY:
-            return 1 if m > 0.0 else -1
+        m, left = standing_place(g, q)
+        if abs(m) > max(AT_THE_RELAY, left):
+            return agreed(g, q, c, 1 if m > 0.0 else -1)
         if q.swing_fault == BALANCED:
             return 0
     if q.swing_fault == BALANCED:

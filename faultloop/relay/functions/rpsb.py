@@ -20,6 +20,10 @@ where
   the swing goes on: near the swing's centre nothing else shows;
 - it has been in the outer box for ``release_s``.
 
+While a pole is open I2 and I0 are the open pole's, in a ratio to I1 that no slip changes, and V1 / I1 goes
+along a circle as without: a swing is then found in spite of them, and they tell no fault in it.  What tells
+one are the loops of the closed poles, where they stand.
+
 Before a swing is found, a balanced state that still moves fast starts no zone, unless it began to by a leap
 that no swing makes: then it is a fault, whose estimate settles or rings, and no swing is found in that.
 
@@ -48,10 +52,12 @@ from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, r
 from faultloop.relay.standing import ASIDE, PHASE_LOOPS, standing
 from faultloop.relay.swing import TRACK
 from faultloop.relay.swing_rule import check, inner_ohm, polygons, reaches
+from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
+ALL_POLES = 7
 QUIET, SWINGING, FAULT = range(3)
 UNBALANCED, JUMPED, STANDS, TOO_LONG = range(1, 5)
 CAUSES = ("", "I2 or I0", "a jump", "a loop that stands still", "it has lasted too long")
@@ -79,6 +85,12 @@ STARTED, STARTED_WAY, CLEARED_WAY = 2, 0.2, 0.05
 """Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less.  After a
 fault's clearing, perhaps, so far: another fault in its place would stand still."""
 OPERATED_CYCLES = 5
+SLOWER, SLOWEST = 0.5, 0.01
+"""Of the swing's pace, and a way of half a cycle: what has jumped and moves faster does not stand."""
+FASTER = 1.2
+"""Times its pace: no swing gains more within a cycle."""
+FAINT = 1 / 3
+"""Of ``unbalance_pu``: with less I2 and less I0 no loop stands alone, as near the centre one seems to."""
 
 
 class Rpsb(Table):
@@ -203,7 +215,7 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
     if w.state == QUIET:
         w.pace = older
     elif w.state == SWINGING and w.off == 0 and q.standing == 0:
-        w.pace += 0.1 * (older - w.pace)
+        w.pace += 0.1 * (min(older, FASTER * w.pace + c.least) - w.pace)  # no fault's end is in it
 
 
 @njit
@@ -262,12 +274,29 @@ def out_of_step(g: Record, q: Record, c: Record, w: Record) -> None:
 
 
 @njit
+def is_slower(w: Record, way: float) -> bool:
+    """Whether what goes such a way in half a cycle is slower than the swing."""
+    return way < max(SLOWER * w.pace, SLOWEST)
+
+
+@njit
+def stands(g: Record, q: Record, c: Record, w: Record) -> int:
+    """Mask of the loops that stand still; none of an open pole's, and one alone only with I2 or I0."""
+    jumped = w.state == FAULT and w.cause == JUMPED and 4 * w.age >= 3 * g.cycle and is_slower(w, w.speed)
+    mask = standing(g, q, w.pace, jumped) & ~loops_of(7 & ~q.closed)
+    if mask & PHASE_LOOPS == PHASE_LOOPS:
+        return mask
+    faint = (FAINT * c.unbalance) ** 2 * w.current2
+    return 0 if max(size2(q.sequence[3]), size2(q.sequence[5])) < faint else mask
+
+
+@njit
 def is_on_line(g: Record, w: Record) -> bool:
     """Whether the impedance has jumped on the line, currents balanced, and stays there: what rings on a long
     line may keep its loops from standing still."""
     beside = abs(w.beside) < ASIDE * (abs(g.z1) + abs(w.along))
     still = w.unbalanced == 0 and 2 * w.quick < RESTS
-    return w.cause == JUMPED and w.in_inner and w.age > g.cycle and beside and still
+    return w.cause == JUMPED and not w.told and w.in_inner and w.age > g.cycle and beside and still
 
 
 @njit
@@ -302,7 +331,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
         w.cause = fault_sign(g, q, c, w, fresh)
         if w.cause:
             w.state = FAULT
-            w.age = w.steady = w.between = w.silent = w.apart = 0
+            w.age = w.steady = w.between = w.silent = w.apart = w.told = 0
             q.notices += 1
         elif w.outside > c.hold and w.rest > c.hold:
             end(g, q, w)
@@ -313,7 +342,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
         q.notices += 1
     elif w.state == FAULT and fresh and w.age > g.cycle and w.quick > CLEARED:
         w.cause = UNBALANCED  # another fault, or none any more: nothing of the first one counts
-        w.age = w.apart = w.silent = 0
+        w.age = w.apart = w.silent = w.told = 0
     elif w.state == FAULT and not q.disturbed:
         w.state = QUIET
         q.notices += 1
@@ -344,12 +373,14 @@ def lead_fault(g: Record, q: Record, w: Record) -> None:
     still = q.standing & PHASE_LOOPS
     one = q.standing != 0 and still != PHASE_LOOPS
     w.apart = g.cycle // 2 if w.unbalanced or one else max(w.apart - 1, 0)
+    w.told |= w.unbalanced > g.cycle
     all_still = still == PHASE_LOOPS and w.unbalanced <= g.cycle
     on_line = is_on_line(g, w)
     waits = 4 * w.age < g.cycle and w.cause != STANDS
     waits |= q.standing == 0 and 2 * w.age < 3 * g.cycle and not swing.is_clear(g, q)
     told = w.apart or still == PHASE_LOOPS or on_line or w.cause == TOO_LONG
-    if (waits and not on_line) or not told:
+    gone = w.told and 8 * w.silent >= g.cycle
+    if (waits and not on_line) or not told or gone:
         q.swing_fault = swing.YOUNG
         q.blocked_zones = ALL_ZONES
         return
@@ -370,8 +401,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if w.state == QUIET:
         q.standing = 0
     elif fresh:
-        since = w.state == FAULT and w.cause == JUMPED and 4 * w.age >= 3 * g.cycle
-        q.standing = standing(g, q, w.pace, since)
+        q.standing = stands(g, q, c, w)
     place(g, q, c, w)
     w.dwell = w.dwell + 1 if w.in_outer else 0
     w.outside = 0 if w.in_outer else w.outside + 1
@@ -380,8 +410,9 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     w.current2 = max(size2(q.sequence[4]), w.current2 * (1.0 - 0.25 / g.cycle))
     image = c.unbalance + IMAGE * max(w.pace, w.speed)
     unbalanced = size2(q.sequence[5]) > image**2 * w.current2
-    unbalanced |= size2(q.sequence[3]) > c.unbalance**2 * w.current2
-    w.unbalanced = w.unbalanced + 1 if unbalanced else 0
+    least = 0.5 * c.unbalance if w.state == FAULT and w.cause == JUMPED else c.unbalance
+    unbalanced |= size2(q.sequence[3]) > least**2 * w.current2
+    w.unbalanced = w.unbalanced + 1 if unbalanced and q.closed == ALL_POLES else 0
     if fresh:
         observe(g, q, c, w)
     next_state(g, q, c, w, fresh)
@@ -475,6 +506,7 @@ RPSB = Function(
         ("stood", "i8"),  # samples that a loop stands still
         ("apart", "i8"),  # samples left for which a fault in the swing is no balanced one
         ("silent", "i8"),  # samples for which nothing has said that the fault is there
+        ("told", "i8"),  # I2 or I0 has lasted for a cycle: when it goes, so has the fault
         ("off", "i8"),  # samples that the phasors are not where the swing would be
         ("track", TRACK),
     ),
