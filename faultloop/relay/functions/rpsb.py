@@ -37,12 +37,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import Field, model_validator
 
-from faultloop.config.tables import Milliseconds, Positive, Seconds, Table
 from faultloop.jit import njit
 from faultloop.relay import memory, swing
 from faultloop.relay.events import Event, Names
@@ -51,7 +49,7 @@ from faultloop.relay.memory import size2
 from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, request_trip
 from faultloop.relay.standing import ASIDE, PHASE_LOOPS, standing
 from faultloop.relay.swing import TRACK
-from faultloop.relay.swing_rule import check, inner_ohm, polygons, reaches
+from faultloop.relay.swing_rule import Rpsb, check, inner_ohm, polygons, reaches
 from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
@@ -91,58 +89,6 @@ FASTER = 1.2
 """Times its pace: no swing gains more within a cycle."""
 FAINT = 1 / 3
 """Of ``unbalance_pu``: with less I2 and less I0 no loop stands alone, as near the centre one seems to."""
-
-
-class Rpsb(Table):
-    """``[rpsb]``: power-swing blocking, out-of-step tripping."""
-
-    outer_resistance_ohm: Positive
-    """Of the outer box, to each side of the line's angle; at most 80 % of the least load impedance."""
-    inner_resistance_ohm: Positive | None = None
-    """Of the inner box; by `setting_rule` of `total_ohm` where that is given, else 0.8 of the outer one."""
-    total_ohm: Positive | None = None
-    """Of the line and both sources behind it, |Z1|: for the rule."""
-    initial_slip_hz: Annotated[float, Field(gt=0, le=10)] = 2.5
-    """Of the fastest first swing that the timer between the boxes must see: for the rule."""
-    forward_reach_ohm: Positive | None = None
-    """Of the inner box along the line's angle; 1.1 times the farthest forward zone where not given."""
-    reverse_reach_ohm: Positive | None = None
-    """The same backwards; 1.1 times the farthest reverse zone, but half the line at least."""
-    crossing_ms: Milliseconds = 30.0
-    """So long between the boxes is a swing ..."""
-    next_ms: Milliseconds = 10.0
-    """... and so long once there was one."""
-    steady_ms: Annotated[float, Field(ge=10, le=200)] = 15.0
-    """Or so long in steady motion."""
-    least_slip_hz: Annotated[float, Field(ge=0.02, le=1)] = 0.15
-    """What counts as motion."""
-    unbalance_pu: Annotated[float, Field(gt=0.02, lt=1)] = 0.06
-    """Of I1: above it I0 is a fault's, and I2 with what an estimator makes of the slip (0.15 at 7 Hz)
-    added."""
-    minimum_current_a: Positive | None = None
-    """Of I1; below it there is no swing; 20 A primary where not given."""
-    hold_ms: Milliseconds = 500.0
-    """So long after the impedance has left the outer box, and has come to rest, the swing stands: where a
-    stable one turns it is slow."""
-    release_s: Seconds = 2.0
-    """After so long in the outer box the zones are released."""
-    trip: Literal["none", "way-in", "way-out"] = "none"
-    """Out-of-step tripping, three-pole."""
-    slips: Annotated[int, Field(ge=1, le=20)] = 1
-    """How many pole slips until it trips on the way out."""
-
-    @model_validator(mode="after")
-    def _order(self) -> Rpsb:
-        inner = self.inner_resistance_ohm
-        if inner is not None and inner >= self.outer_resistance_ohm:
-            raise ValueError(
-                f"inner_resistance_ohm must be below outer_resistance_ohm, {self.outer_resistance_ohm:g}"
-            )
-        if self.total_ohm is not None and inner is not None:
-            raise ValueError("give either inner_resistance_ohm or total_ohm, from which it follows")
-        if self.slips > 1 and self.trip != "way-out":
-            raise ValueError('slips belongs to trip = "way-out"')
-        return self
 
 
 def values(settings: RelaySettings, table: Rpsb) -> dict[str, Any]:
