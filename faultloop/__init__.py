@@ -11,11 +11,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from faultloop.api import replay, run
     from faultloop.errors import InputError
     from faultloop.io.mcap_reader import Log, open_log
-    from faultloop.loop.replay import replay
     from faultloop.loop.result import Result
-    from faultloop.loop.runner import run
     from faultloop.loop.scenario import Scenario, load_scenario
     from faultloop.relay.settings import RelaySettings, load_settings
     from faultloop.study.campaign import Campaign
@@ -31,8 +30,8 @@ _PLACES = {
     "Result": "faultloop.loop.result",
     "Scenario": "faultloop.loop.scenario",
     "load_scenario": "faultloop.loop.scenario",
-    "run": "faultloop.loop.runner",
-    "replay": "faultloop.loop.replay",
+    "run": "faultloop.api",
+    "replay": "faultloop.api",
 }
 
 __all__ = [

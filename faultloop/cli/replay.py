@@ -50,10 +50,10 @@ def command(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> int:
     """Play a recorded fault into a relay, as a test set does."""
+    from faultloop.api import replay
     from faultloop.cli.output import announce_compilation, print_json, serve
     from faultloop.cli.report import print_replay
     from faultloop.io.comtrade.mapping import numbers_of, parse_overrides
-    from faultloop.loop.replay import replay
 
     units = parse_overrides(unit or (), "--unit")
     scales = numbers_of(parse_overrides(scale or (), "--scale"), "--scale")

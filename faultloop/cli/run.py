@@ -55,7 +55,6 @@ def command(
         raise InputError("give either --realtime (which is --pace 1) or --pace X", key="--pace")
     path = log if log is not None else Path("logs") / f"{scenario.stem}.mcap"
     announce_compilation()
-    stream = None
     try:
         with progress_bar("running" if processes else "simulating") as progress:
             if processes:
@@ -82,21 +81,14 @@ def command(
                     progress=progress,
                 )
             else:
-                from faultloop.loop.runner import run
+                from faultloop.api import run
 
-                if rerun is not None:
-                    from faultloop.loop.inputs import load_inputs
-                    from faultloop.loop.recording import check_log_path
-                    from faultloop.review.live_rerun import LiveRerun
-
-                    inputs = load_inputs(scenario, None, set_ or [], user_code=not no_user_code)
-                    check_log_path(path)
-                    stream = LiveRerun(rerun, inputs, set_ or [])
                 result = run(
                     scenario,
                     log=path,
+                    rerun=rerun,
                     overrides=set_ or [],
-                    sinks=[*(sink or []), *([stream] if stream is not None else [])],
+                    sinks=sink or [],
                     can=can,
                     pace=1.0 if realtime else pace,
                     without=without or [],
@@ -113,5 +105,5 @@ def command(
         print_result(result)
     if result.interrupted:
         return 130
-    serve(stream)
+    serve(result.rerun)
     return 0 if result.held and not result.died else 3

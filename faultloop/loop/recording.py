@@ -265,21 +265,24 @@ class Streams(NamedTuple):
 def open_streams(
     start_ns: int,
     log: Path | str | None,
-    rerun: str | None,
+    rerun: str | Callable[[], RerunSink] | None,
     name: str,
     metadata: Metadata,
     attachments: Attachments,
     compression: str = "",
     log_thread: bool = False,
 ) -> Streams:
-    """The log and the rerun stream that are asked for; InputError where one cannot be opened."""
+    """The log and the rerun stream that are asked for; InputError where one cannot be opened.
+
+    ``rerun``: its target, or what makes the stream.
+    """
     stream = None
     if log is not None:
         check_log_path(Path(log))
     if rerun is not None:
         from faultloop.io.rerun_sink import RerunSink
 
-        stream = RerunSink(rerun, start_ns, name)
+        stream = rerun() if callable(rerun) else RerunSink(rerun, start_ns, name)
         for file, content in attachments.items():
             stream.add_attachment(file, content)
     if log is None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,7 +142,7 @@ def replay(
     from_s: float = 0.0,
     to_s: float = math.inf,
     log: Path | str | None = None,
-    rerun: str | None = None,
+    rerun: str | Callable[[str, RelaySettings, int, str], RerunSink] | None = None,
     user_code: bool = True,
     compress: bool = False,
 ) -> ReplayResult:
@@ -159,7 +160,8 @@ def replay(
     ct_ratio, vt_ratio : the same for all currents and all voltages.
     from_s, to_s : the part to play, in seconds from the record's first sample.
     log : the MCAP log to write; none if not given, and then the arrays are kept in memory.
-    rerun, user_code, compress : as for `faultloop.run`.
+    rerun, user_code, compress : as for `faultloop.run`; what makes the stream is given the relay's name, its
+        settings, the start [ns since the epoch] and what the recording is called.
 
     Where the record has nothing for a relay (a decimated stretch, samples or values left out for long), the
     relay gets and the log has no samples; the relay starts anew after that, and `warnings` say so.
@@ -177,7 +179,8 @@ def replay(
     memory = MemorySink() if log is None else None
     metadata, attachments = _describe(record, own, choices)
     compression = "zstd" if compress else ""
-    streams = open_streams(played.start_ns, log, rerun, record.stem, metadata, attachments, compression)
+    shown = partial(rerun, NAME, own, played.start_ns, record.stem) if callable(rerun) else rerun
+    streams = open_streams(played.start_ns, log, shown, record.stem, metadata, attachments, compression)
     fold = Fold(Cast({NAME: None}, ()))
     recorder = Recorder([fold, *streams.sinks])
     if memory is not None:
@@ -252,7 +255,7 @@ class _Playing:
     def _play(self, first: int, stop: int) -> None:
         """One piece, block by block."""
         numbers, samples = self.played.numbers, self.played.samples
-        turn = self._turn(int(numbers[first]))
+        turn = turn_of(self.relay.settings, int(numbers[first]))
         k = first
         while k < stop and not self.result.interrupted:
             self._move_breaker(int(numbers[k]))
@@ -284,14 +287,6 @@ class _Playing:
             if event.trip is not None:
                 self.recorder.trip(NAME, at_ns, event.sample_count, event.trip)
 
-    def _turn(self, number: int) -> complex:
-        """What turns the phasors of a relay that starts at this sample to the record's first as reference.
-
-        An estimator counts from the first sample that it sees.
-        """
-        beats = number * int(self.relay.settings.relay.frequency_hz) % self.rate
-        return complex(np.exp(-2j * np.pi * beats / self.rate)) if beats else 1.0
-
     def _move_breaker(self, number: int) -> None:
         """The breaker's position at a sample, by the record's own contacts."""
         while self.moved < len(self._moves) and self._moves[self.moved] <= number:
@@ -320,6 +315,16 @@ class _Playing:
 
     def _tell(self, t_ns: int, level: str, text: str) -> None:
         self.recorder.event(f"/relay/{NAME}/events", t_ns, level, text, NAME)
+
+
+def turn_of(settings: RelaySettings, number: int) -> complex:
+    """What turns the phasors of a relay that starts at this sample to the record's first as reference.
+
+    An estimator counts from the first sample that it sees.
+    """
+    header = settings.relay
+    beats = number * int(header.frequency_hz) % header.sampling_hz
+    return complex(np.exp(-2j * np.pi * beats / header.sampling_hz)) if beats else 1.0
 
 
 def _either(found: float, before: float) -> float:

@@ -8,8 +8,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from faultloop.config.override import overridden
 from faultloop.errors import InputError
@@ -26,13 +27,16 @@ from faultloop.loop.result import Result
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import Relay
 
+if TYPE_CHECKING:
+    from faultloop.io.rerun_sink import RerunSink
+
 
 def run(
     scenario: Scenario | Path | str,
     *,
     settings: Mapping[str, Given] | None = None,
     log: Path | str | None = None,
-    rerun: str | None = None,
+    rerun: str | Callable[[Inputs], RerunSink] | None = None,
     can: str | None = None,
     pace: float | None = None,
     without: Sequence[str] = (),
@@ -50,7 +54,7 @@ def run(
     ----------
     scenario : a file, or a `Scenario`.
     log : the MCAP log to write; none if not given.
-    rerun : ``"spawn"``, ``"serve"``, a file ``F.rrd`` or the URL of a viewer.
+    rerun : ``"spawn"``, ``"serve"``, a file ``F.rrd`` or the URL of a viewer; or what makes the stream.
     can : ``"INTERFACE:CHANNEL"`` in place of the scenario's, as in ``"socketcan:vcan0"``: a bus that others
         may be on.  Where neither names one, the run has a bus of its own.
     pace : simulated seconds per second of wall time; None: as fast as it can.
@@ -106,7 +110,8 @@ def run(
         start_ns = scenario.scenario.start_ns
         compression = "zstd" if compress else ""
         name = scenario.scenario.name
-        streams = open_streams(start_ns, log, rerun, name, metadata, attachments, compression, log_thread)
+        shown = partial(rerun, Inputs(scenario, own)) if callable(rerun) else rerun
+        streams = open_streams(start_ns, log, shown, name, metadata, attachments, compression, log_thread)
         recorder.sinks += streams.sinks
         try:
             with interruptible(loop):

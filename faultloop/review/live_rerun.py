@@ -6,7 +6,7 @@ beside the run, from what it streams (`faultloop.review.retrace_run`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,17 @@ import numpy as np
 from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, State
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
-from faultloop.io.messages import CAN_FRAME, FAULT_STATE
+from faultloop.io.messages import BREAKER_STATUS, CAN_FRAME, FAULT_STATE, POLES, source_of
 from faultloop.io.rerun_sink import RerunSink
 from faultloop.io.rerun_view import LOCUS_HZ, Characteristics
 from faultloop.loop.inputs import Inputs
-from faultloop.loop.recording import describe
+from faultloop.loop.replay import turn_of
+from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import history, measured
 from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.quantities import WIDE
 from faultloop.review.rerun import polygon
-from faultloop.review.retrace import Heard, one_side, without_user_code
+from faultloop.review.retrace import RECORD, Heard, one_side, without_user_code
 from faultloop.review.retrace_run import RetraceRun
 
 SOON_S = 2.0
@@ -31,23 +32,46 @@ SOON_S = 2.0
 
 
 class LiveRerun(RerunSink):
-    """Streams a run of ``inputs`` to rerun; ``target`` as for `RerunSink`.
+    """Streams relays to rerun while they run; ``target``, ``start_ns`` and ``title`` as for `RerunSink`.
 
-    Times count from the first fault, too: where it begins at an angle, nothing is shown before.
+    ``again``: them once more, by name; ``breakers``: which of them a breaker belongs to, by its name.
     """
 
-    def __init__(self, target: str, inputs: Inputs, overrides: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        target: str,
+        start_ns: int,
+        title: str,
+        again: Mapping[str, _Again],
+        breakers: Mapping[str, str],
+    ) -> None:
+        super().__init__(target, start_ns, title)
+        self._again, self._breakers = again, breakers
+        self._held: list[Callable[[], None]] | None = None
+
+    @classmethod
+    def of_run(cls, target: str, inputs: Inputs) -> LiveRerun:
+        """A run's.  Times count from the first fault, too: where it begins at an angle, nothing is shown
+        before."""
         scenario = inputs.scenario
-        super().__init__(target, scenario.scenario.start_ns, scenario.scenario.name)
-        for name, content in describe(*inputs, overrides)[1].items():
-            self.add_attachment(name, content)
-        self._breakers = {place.breaker: place.name for place in scenario.relay if place.breaker}
         before = measured(scenario, history(scenario)) if scenario.relay else []
-        self._again = {
+        again = {
             place.name: _Again(inputs.settings[place.name], place.name, rows, place.parallel is not None)
             for place, rows in zip(scenario.relay, before, strict=True)
         }
-        self._held: list[Callable[[], None]] | None = None
+        breakers = {place.breaker: place.name for place in scenario.relay if place.breaker}
+        sink = cls(target, scenario.scenario.start_ns, scenario.scenario.name, again, breakers)
+        sink._wait_for_the_fault(scenario)
+        return sink
+
+    @classmethod
+    def of_replay(
+        cls, target: str, name: str, settings: RelaySettings, start_ns: int, title: str
+    ) -> LiveRerun:
+        """A replay's, of one relay that begins cold."""
+        return cls(target, start_ns, title, {name: _Again(settings, name)}, {RECORD: name})
+
+    def _wait_for_the_fault(self, scenario: Scenario) -> None:
         starts = [(fault.start_s, fault.after_s) for fault in scenario.fault]
         known = [start for start, _ in starts if start is not None]
         cycle_s = 1 / scenario.system.frequency_hz
@@ -103,6 +127,9 @@ class LiveRerun(RerunSink):
             self._release()
         if message_name == CAN_FRAME.name:
             self._listen(t_ns, fields)
+        elif message_name == BREAKER_STATUS.name and source_of(topic) == RECORD:
+            poles = sum(bool(fields[f"pole_{pole.lower()}"]) << bit for bit, pole in enumerate(POLES))
+            self._again[self._breakers[RECORD]].heard.take(t_ns, poles)
         if self._held is not None:
             self._held.append(lambda: super(LiveRerun, self).message(topic, t_ns, message_name, **fields))
         else:
@@ -132,12 +159,19 @@ class LiveRerun(RerunSink):
 
 
 class _Again:
-    """A relay that decides once more, block by block."""
+    """A relay that decides once more, block by block.
 
-    def __init__(self, settings: RelaySettings, name: str, before: np.ndarray, parallel: bool) -> None:
+    ``before``: what it measured before the run; without that it begins cold, and anew after each gap.
+    """
+
+    def __init__(
+        self, settings: RelaySettings, name: str, before: np.ndarray | None = None, parallel: bool = False
+    ) -> None:
         relay = Relay(without_user_code(settings.model_dump()), name)
         self.run, self.heard = RetraceRun(relay), Heard(relay)
-        relay.warm_up(one_side(before) if parallel else np.ascontiguousarray(before[:, :6]))
+        self._cold, self._next, self._turn = before is None, -1, 1.0 + 0.0j
+        if before is not None:
+            relay.warm_up(one_side(before) if parallel else np.ascontiguousarray(before[:, :6]))
         self._wide = WIDE if parallel else 6
         self._every = max(1, round(settings.relay.sampling_hz / LOCUS_HZ))
         self._zones = [one for one in relay.instances if one.function.name == "PDIS"]
@@ -157,9 +191,16 @@ class _Again:
         """Each zone's polygons of this block, and when they were so."""
         rows = np.full((len(t_ns), self._wide), np.nan)
         rows[:, :6] = samples[:, :6]
-        phasors = np.ascontiguousarray(phasors, np.float64)
+        phasors = np.array(phasors, np.float64, order="C")
+        first = int(sample_count[0])
+        if self._cold:
+            if first != self._next:
+                self.run.restart()
+                self._turn = turn_of(self.run.relay.settings, first).conjugate()
+            self._next = first + len(t_ns)
+            phasors[:, :12].view(np.complex128)[...] *= self._turn
         given = (rows, phasors, np.ascontiguousarray(loops, np.float64))
-        self.run.take(int(sample_count[0]), given, self.heard.inputs(t_ns, pickup, self._names), t_ns)
+        self.run.take(first, given, self.heard.inputs(t_ns, pickup, self._names), t_ns)
         chosen = np.flatnonzero(sample_count % self._every == 0)
         known = self.run.kept
         place = np.searchsorted(known.t_ns, t_ns[chosen])

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -23,6 +24,7 @@ from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import Log
 from faultloop.io.messages import CAN_FRAME, ELEMENTS, LOOP_IMPEDANCES, PHASORS, POLES, SAMPLED_VALUES, values
 from faultloop.loop.recorded import recorded_scenario
+from faultloop.loop.replay import turn_of
 from faultloop.loop.scenario import Scenario
 from faultloop.loop.warm import history, measured
 from faultloop.relay import Relay, RelayInputs, RelaySettings
@@ -102,7 +104,7 @@ def _retrace(log: Log, name: str) -> Retraced:
     heard, bits = Heard(relay), log.bits(name)["pickup"]
     for at_ns, poles in _positions(log, name):
         heard.take(at_ns, poles)
-    differs, next_number, turn = None, None, 1.0 + 0.0j
+    differs, next_number, turns = None, None, [(0, 1.0 + 0.0j)]
     for span in log.stretches():
         samples, phasors, loops, elements = (log.array(m.topic_for(name), *span) for m in NEEDED)
         if not len(samples) == len(phasors) == len(loops) == len(elements):
@@ -119,9 +121,10 @@ def _retrace(log: Log, name: str) -> Retraced:
             if first != next_number:
                 if next_number is not None:
                     run.restart()
-                turn = _turn(relay, first) if scenario is None else turn
+                if scenario is None:
+                    turns.append((int(t_ns[piece[0]]), turn_of(relay.settings, first)))
             turned = np.array(values(phasors[part]), order="C")
-            turned[:, :12].view(np.complex128)[...] *= turn
+            turned[:, :12].view(np.complex128)[...] *= turns[-1][1].conjugate()
             given = (np.ascontiguousarray(rows[part]), turned, np.ascontiguousarray(values(loops[part])))
             words[part] = run.take(first, given, inputs[part], t_ns[part])
             next_number = first + len(piece)
@@ -129,6 +132,10 @@ def _retrace(log: Log, name: str) -> Retraced:
     if next_number is None:
         raise InputError(f"there are no samples of {name}", file=log.path)
     _warn(log, name, differs, run.kept.step)
+    for (from_ns, turn), (to_ns, _) in pairwise([*turns, (2**63 - 1, 0)]):
+        part = slice(*np.searchsorted(run.kept.t_ns, [from_ns, to_ns]).tolist())
+        for key in ("polarizing", "reference"):
+            run.kept.shared[key][part] *= turn  # to the reference of the log's phasors
     kept, compared = run.kept, np.zeros(0, COMPARED) if far is None else far.compared
     differs_ns, bit = differs or (None, None)
     args = (name, relay.settings, relay.instances, run.constants, kept.t_ns, kept.shared, kept.zones)
@@ -204,13 +211,6 @@ def _scenario(log: Log) -> Any:
     except (ValueError, InputError) as error:
         what = f"its scenario is not of this version; {_again(log)}"
         raise InputError(what, file=log.path) from error
-
-
-def _turn(relay: Relay, number: int) -> complex:
-    """Back to the reference of a relay that began at this sample (`faultloop.loop.replay`)."""
-    header = relay.settings.relay
-    beats = number * int(header.frequency_hz) % header.sampling_hz
-    return complex(np.exp(2j * np.pi * beats / header.sampling_hz)) if beats else 1.0
 
 
 class Heard:

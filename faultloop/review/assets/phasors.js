@@ -30,7 +30,16 @@ function drawPhasors(canvas, relay, row) {
   g.textAlign = "left"; g.fillText("V: " + scale(0), 2, 12);
   g.textAlign = "right"; g.fillText("I: " + scale(1), width - 2, 12);
   if (row < 0) { g.textAlign = "center"; g.fillText("no estimates here: outside the detail", x0, y0 + 4); return; }
-  const used = [];
+  const used = [], tips = [];
+  const away = ([a, b]) => Math.min(...tips.map(([x, y]) => { // of a point from the nearest arrow
+    const part = Math.min(Math.max(((a - x0) * x + (b - y0) * y) / (x * x + y * y), 0), 1);
+    return Math.hypot(a - x0 - part * x, b - y0 - part * y);
+  }));
+  for (let k = 0; k < 6; k++) {
+    const z = relay.phasor(row, k), size = radius * magnitude(z) / relay.greatest[k < 3 ? 0 : 1];
+    const angle = (degrees(z) - relay.reference_deg) * Math.PI / 180;
+    if (size > 0.01 * radius) tips.push([size * Math.cos(angle), -size * Math.sin(angle)]);
+  }
   for (let k = 5; k >= 0; k--) {
     const z = relay.phasor(row, k), size = magnitude(z) / relay.greatest[k < 3 ? 0 : 1];
     if (!(size > 0.01)) continue;
@@ -43,11 +52,12 @@ function drawPhasors(canvas, relay, row) {
     for (const side of [-1, 1]) g.lineTo(x - head * Math.cos(angle + side * 0.4), y + head * Math.sin(angle + side * 0.4));
     g.fill();
     if (size < 0.09) continue; // a name would be greater than its arrow
-    // the name beyond the tip, or beside it where another one is
+    // the name beyond the tip, or beside it where another one, or an arrow, is
     const name = relay.page.channels[k].toUpperCase();
-    const places = [[11, 0], [13, 1], [13, -1], [24, 0], [22, 0.7], [22, -0.7], [34, 0.4], [34, -0.4], [46, 0]];
+    const places = [[11, 0], [14, 1], [14, -1], [15, 1.4], [15, -1.4], [24, 0], [22, 0.7], [22, -0.7], [34, 0.4], [34, -0.4], [46, 0]];
     const at = places.map(([far, aside]) => [x + far * Math.cos(angle + aside), y - far * Math.sin(angle + aside)]);
-    const place = at.find(([a, b]) => !used.some(([c, d]) => Math.abs(a - c) < 20 && Math.abs(b - d) < 12)) || at[0];
+    const free = at.filter(([a, b]) => !used.some(([c, d]) => Math.abs(a - c) < 20 && Math.abs(b - d) < 12));
+    const place = free.find((one) => away(one) > 10.5) || free.sort((one, other) => away(other) - away(one))[0] || at[0];
     used.push(place);
     g.textAlign = "center"; g.textBaseline = "middle";
     g.fillText(name, ...place);

@@ -11,10 +11,10 @@ from typing import Any
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from faultloop.api import run
 from faultloop.config.toml_text import toml_text
 from faultloop.errors import InputError
 from faultloop.loop.result import Result
-from faultloop.loop.runner import run
 from faultloop.study.campaign.parts import read_record
 from faultloop.study.campaign.plan import Plan
 from faultloop.study.campaign.record import key_digest, plan_of
