@@ -75,7 +75,10 @@ def call(arguments: Sequence[str] | None = None) -> int:
     prepare_streams()
     try:
         with _terminable():
-            status = app(args=None if arguments is None else list(arguments), standalone_mode=False)
+            given = None if arguments is None else list(arguments)
+            status = app(
+                args=given, prog_name="faultloop", standalone_mode=False
+            )  # not `python -m faultloop`
             sys.stdout.flush()
         return status if isinstance(status, int) else 0
     except InputError as error:
@@ -93,7 +96,8 @@ def call(arguments: Sequence[str] | None = None) -> int:
         told = getattr(error, "format_message", None)  # the parser's own word on a wrong command line
         if told is None:
             raise
-        warn(f"faultloop: {' '.join(told().split())} (see faultloop --help)")
+        if text := " ".join(told().split()):  # empty where the help has just been printed
+            warn(f"faultloop: {text} (see faultloop --help)")
         return 2
 
 

@@ -81,3 +81,11 @@ def test_no_control_character_of_a_file_reaches_a_terminal(
 def test_errors_are_safe_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(["channels", str(tmp_path / "\x1b]0;x\x07.cfg")]) == 2
     assert "\x1b" not in capsys.readouterr().err
+
+
+def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:
+    """And nothing that looks like an error with its text left out; the program's name is `faultloop`, however
+    it was started: the shell completion is made for that name."""
+    assert call([]) == 2
+    out, err = capsys.readouterr()
+    assert "Usage: faultloop [OPTIONS] COMMAND" in out and err == ""

@@ -142,7 +142,9 @@ def test_cursors_tell_the_numbers_of_the_log(page: Path) -> None:
     assert "3.500 + j 16.00 Ω" in html.unescape(seen)
 
 
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize(
+    "width", [1280, 390, *(pytest.param(width, marks=pytest.mark.slow) for width in (2560, 768, 500))]
+)
 def test_nothing_overlaps_or_is_cut(page: Path, width: int) -> None:
     outer = page.with_name(f"outer{width}.html")
     outer.write_text(MEASURE.format(page=page.name + "#a=20&b=-15", width=width), encoding="utf-8")
