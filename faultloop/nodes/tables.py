@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pydantic import Field, PrivateAttr
+from pydantic import Field
 
 from faultloop.config.bus_fault import BusFault
 from faultloop.config.can import Can
@@ -33,19 +33,12 @@ class BusTables(PlantTables):
     clock: tuple[Clock, ...] = Field(default=(), strict=False)
     time_sync: TimeSync | None = None
 
-    _path: Path | None = PrivateAttr(default=None)
-
     if TYPE_CHECKING:  # fields that the components bring; for the eyes of a type checker
         source: tuple[Source, ...]
         line: tuple[Line, ...]
         fault: tuple[Fault, ...]
         breaker: tuple[Breaker, ...]
         switching: tuple[Switching, ...]
-
-    @property
-    def path(self) -> Path | None:
-        """The file that they came from."""
-        return self._path
 
     @property
     def keys_path(self) -> Path | None:

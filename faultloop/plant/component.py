@@ -7,9 +7,11 @@ To add one: a subclass of `Component` in a file of its own, and its name in `fau
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
 
-from pydantic import Field, create_model
+from pydantic import Field, PrivateAttr, create_model
 
 from faultloop.config.header import Header, System
 from faultloop.config.place import FrontEnd, RelayPlace
@@ -90,6 +92,21 @@ class PlantTables(Table):
     system: System
     relay: tuple[RelayPlace, ...] = Field(default=(), strict=False, max_length=16)
     front_end: FrontEnd = FrontEnd()
+
+    _path: Path | None = PrivateAttr(default=None)
+
+    @property
+    def path(self) -> Path | None:
+        """The file that they came from."""
+        return self._path
+
+    @contextmanager
+    def naming_its_file(self) -> Iterator[None]:
+        """An InputError within names the file."""
+        try:
+            yield
+        except InputError as error:
+            raise error.within(self.path) from None
 
     def all(self, kind: type[C]) -> tuple[C, ...]:
         """The items of one kind."""

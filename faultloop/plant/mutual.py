@@ -71,9 +71,15 @@ class Mutual(Component):
         room = b.length_km - begin[1] if sign > 0 else begin[1]
         longest = min(a.length_km - begin[0], room)
         length = longest if self.length_km is None else self.length_km
+        if longest <= 0:
+            raise InputError(
+                f"'{a.name}' ({a.length_km:g} km) and '{b.name}' ({b.length_km:g} km) share no length from "
+                "there; give a place within both with length left in that direction",
+                key=self.key("from_km"),
+            )
         if not 0 < length <= longest * (1 + SAME_POINT):
             raise InputError(
-                f"from there '{a.name}' and '{b.name}' run side by side for {max(longest, 0):g} km at most",
+                f"from there '{a.name}' and '{b.name}' run side by side for {longest:g} km at most",
                 key=self.key("from_km" if self.length_km is None else "length_km"),
             )
         first, second = begin[0] / a.length_km, begin[1] / b.length_km

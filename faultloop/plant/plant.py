@@ -117,7 +117,8 @@ class Plant:
         self.sampling_hz = tables.system.sampling_hz
         self.steps_per_sample = tables.system.steps_per_sample
         self.changes: list[Change] = []
-        circuit = circuit_of(tables)
+        with tables.naming_its_file():
+            circuit = circuit_of(tables)
         self._rate = circuit.rate
         self._model = Model(circuit)
         self._breakers = {breaker.name: breaker for breaker in tables.all(Breaker)}
@@ -130,11 +131,13 @@ class Plant:
             zero=np.zeros((count, 3)),
             instant=np.zeros(2),
         )
-        balance(self._model)
-        steady = steady_states(self._model)
+        with tables.naming_its_file():
+            balance(self._model)
+            steady = steady_states(self._model)
         self._settle(steady, front, state)
         self._steady = steady
-        actions = self._plan()
+        with tables.naming_its_file():
+            actions = self._plan()
         breakers = [
             (self._switch_of(name), round(own.close_ms * 1e6), round(own.operate_ms * 1e6))
             for name, own in self._breakers.items()

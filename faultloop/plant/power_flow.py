@@ -13,6 +13,8 @@ from faultloop.plant.steady import derivative, solve_at
 
 ROUNDS, CLOSE = 500, 1e-13
 """Of the fixed point, and the change of a current per unit at which it ends."""
+UNFED = 1e-6
+"""Voltage per unit that the sources leave at an inverter's bus behind its filter: below, there is none."""
 
 
 def balance(model: Model) -> None:
@@ -34,6 +36,7 @@ def balance(model: Model) -> None:
         return solve_at(model, circuit.frequency_hz).v[buses]
 
     alone = voltages(np.zeros(count, complex))
+    _check_fed(model, alone)
     unit = np.diag([c.base_v for c in converters])
     alike = zip(unit + 0j, converters, strict=True)
     gain = np.stack([(voltages(row) - alone) / c.base_v for row, c in alike], 1)
@@ -56,6 +59,19 @@ def balance(model: Model) -> None:
             return
     key = f"inverter[{_names(model)[0]}].power_mw"
     raise InputError("the network cannot take this power; give less, or a stronger network", key=key)
+
+
+def _check_fed(model: Model, alone: np.ndarray) -> None:
+    """An inverter that follows the network needs one: through closed breakers, as they stand at the start."""
+    for name, converter, size in zip(
+        _names(model), model.circuit.converters, np.abs(alone).tolist(), strict=True
+    ):
+        if size < UNFED * converter.base_v:
+            what = (
+                f"bus '{converter.bus}' reaches no source through closed breakers, and an inverter holds no "
+                "island alone; give its island a [[source]] or close a breaker to the rest"
+            )
+            raise InputError(what, key=f"inverter[{name}].bus")
 
 
 def _check_voltages(model: Model, v: np.ndarray) -> None:

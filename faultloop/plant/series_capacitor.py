@@ -55,7 +55,8 @@ class SeriesCapacitor(Component):
         total, own = sum(bank.x_ohm for bank in banks), line.z1_ohm.imag
         if total >= own:
             raise InputError(
-                f"{total:g} ohm in series overcompensate line '{self.line}' of {own:g} ohm",
+                f"{total:g} ohm in series overcompensate line '{self.line}' of {own:g} ohm; "
+                "give less than that in all",
                 key=self.key("x_ohm"),
             )
         for other in banks:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -70,3 +71,15 @@ def test_an_inverter_alone_on_an_island_is_refused() -> None:
         Plant(Scenario.from_dict(data))
     assert error.value.key == "line[M].from"
     assert "bus 'X' reaches no source" in error.value.what
+
+
+def test_an_inverter_behind_open_breakers_is_refused(tmp_path: Path) -> None:
+    """Not for its power, and without a warning of numpy's; the file is named."""
+    data = network("rl", inverter=[INVERTER | {"bus": "Y"}])
+    data["line"].append({**data["line"][0], "name": "M", "from": "B", "to": "Y"})
+    data["breaker"] = [{"name": "Q", "line": "M", "end": "from", "closed": False}]
+    with pytest.raises(InputError) as error:
+        Plant(Scenario.from_dict(data, path=tmp_path / "x.toml"))
+    assert error.value.key == "inverter[I].bus"
+    assert (error.value.file or "").endswith("x.toml")
+    assert "bus 'Y' reaches no source through closed breakers" in error.value.what

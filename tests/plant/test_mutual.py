@@ -221,8 +221,11 @@ def test_a_pair_is_passive() -> None:
         ({"b0m_us_per_km": 2.6}, r"b0m_us_per_km: 2.6 is not below"),
         ({"length_km": 101.0}, r"length_km: from there 'L1' and 'L2' run side by side for 100 km at most"),
         ({"from_km": [10.0, 10.0]}, "from_km and direction belong together"),
-        ({"from_km": [100.0, 10.0], "direction": "same"}, r"from_km: from there .* for 0 km at most"),
-        ({"from_km": [40.0, 0.0], "direction": "opposite"}, r"from_km: from there .* for 0 km at most"),
+        (
+            {"from_km": [100.0, 10.0], "direction": "same"},
+            r"from_km: 'L1' .* share no length from there; give",
+        ),
+        ({"from_km": [40.0, 0.0], "direction": "opposite"}, r"from_km: .* share no length from there; give"),
     ],
 )
 def test_wrong_input(change: dict[str, Any], message: str) -> None:

@@ -181,7 +181,7 @@ def test_with_waves_and_a_coupled_circuit() -> None:
     [
         (
             {"x_ohm": 40.0},
-            r"series_capacitor\[SC1\].x_ohm: 40 ohm in series overcompensate line 'L' of 40 ohm",
+            r"series_capacitor\[SC1\].x_ohm: 40 ohm in series overcompensate line 'L' of 40 ohm; give less",
         ),
         ({"x_ohm": 10.0, "line": "M"}, r"there is no line 'M'"),
         ({"x_ohm": 10.0, "at_pu": 1.1}, r"at_pu: input should be less than or equal to 1"),
