@@ -134,9 +134,8 @@ class Plant:
         with tables.naming_its_file():
             balance(self._model)
             steady = steady_states(self._model)
-        self._settle(steady, front, state)
-        self._steady = steady
-        with tables.naming_its_file():
+            self._settle(steady, front, state)
+            self._steady = steady
             actions = self._plan()
         breakers = [
             (self._switch_of(name), round(own.close_ms * 1e6), round(own.operate_ms * 1e6))
