@@ -161,7 +161,7 @@ def main() -> None:
             rows.append(row)
             print(f"{row[0]}:\n    {row[1]}")
     if given.keep:
-        keep("A run explains itself", rows)
+        keep("A run explains itself", rows, beside=True)
 
 
 if __name__ == "__main__":

@@ -14,14 +14,14 @@ FOLDER = Path(__file__).with_name("results")
 Row = dict[str, str]
 
 
-def keep(section: str, rows: list[tuple[str, str]]) -> Path:
+def keep(section: str, rows: list[tuple[str, str]], *, beside: bool = False) -> Path:
     """Leaves a bench's figures: pairs of what is measured and what it came to, by this command, today."""
     name = Path(sys.argv[0]).stem
     words = [
         word if word.startswith("-") or not Path(word).exists() else Path(word).name for word in sys.argv[1:]
     ]
     command = " ".join(["python", f"bench/{name}.py", *words])
-    return leave(name, [row(section, line, command, figure) for line, figure in rows])
+    return leave(name, [row(section, line, command, figure) for line, figure in rows], beside=beside)
 
 
 def row(section: str, line: str, command: str, figure: str) -> Row:

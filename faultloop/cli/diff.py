@@ -41,6 +41,8 @@ def command(
         other = open_log(_run_again(one, Path(folder)) if b is None else b)
         with reading(one):
             result = diff_logs(one, other, ignore or [], tolerances)
+        if again:  # made from what the log tells of itself, it holds no files of settings
+            result.information = [x for x in result.information if not x.startswith("attachment ")]
         warnings = warn_of(one, other)
         del other
     if json:

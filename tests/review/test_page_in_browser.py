@@ -110,6 +110,44 @@ def test_characteristics_are_drawn_as_the_relay_had_them(tmp_path: Path) -> None
             np.testing.assert_allclose(found_there, points, atol=1e-3 * np.abs(points).max())
 
 
+NAMES = """
+<body><iframe id="f" src="{page}" width="1280" height="900"></iframe>
+<script>
+f.onload = () => setTimeout(() => {{
+  const w = f.contentWindow, told = document.createElement("pre"), out = [];
+  const size = [330, 240], middle = [165, 120];
+  for (let n = 0; n < 24; n++) {{
+    const arrows = [5, 4, 3, 2, 1, 0].map((k) => {{
+      const angle = -2.0944 * (k % 3) - (k < 3 ? 0 : n * 0.2618), length = k < 3 ? 90 : [98, 14, 11][k - 3];
+      return {{ k, angle, length, x: 165 + length * Math.cos(angle), y: 120 - length * Math.sin(angle) }};
+    }});
+    out.push([w.eval("namePlaces")(arrows, arrows, middle, size), arrows.map((a) => [a.x, a.y])]);
+  }}
+  told.id = "out"; told.textContent = JSON.stringify(out);
+  document.body.append(told);
+}}, 400);
+</script></body>
+"""
+
+
+def test_names_of_phasors_are_clear_of_arrows_and_names(page: Path) -> None:
+    """Two small currents beside three voltages and a great one, turned in 24 steps against the voltages."""
+    outer = page.with_name("names.html")
+    outer.write_text(NAMES.format(page=page.name), encoding="utf-8")
+    seen, console = browser(f"file://{outer}", "--dump-dom")
+    found = re.search(r'<pre id="out">(.*?)</pre>', seen, re.S)
+    assert found is not None and console == ""
+    for names, tips in json.loads(html.unescape(found[1])):
+        assert len(names) == 6
+        for n, name in enumerate(names):
+            assert 0 < name[0] < 330 and 0 < name[1] < 240
+            for other in names[:n]:
+                assert abs(name[0] - other[0]) >= 18 or abs(name[1] - other[1]) >= 12
+            for tip in tips:  # half a name is 8 by 5 pixels
+                way = np.array([165, 120]) + np.linspace(0, 1, 200)[:, None] * (np.array(tip) - [165, 120])
+                assert not (np.abs(way - name) < [8, 5]).all(axis=1).any()
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("browser")

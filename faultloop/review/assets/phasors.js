@@ -30,37 +30,54 @@ function drawPhasors(canvas, relay, row) {
   g.textAlign = "left"; g.fillText("V: " + scale(0), 2, 12);
   g.textAlign = "right"; g.fillText("I: " + scale(1), width - 2, 12);
   if (row < 0) { g.textAlign = "center"; g.fillText("no estimates here: outside the detail", x0, y0 + 4); return; }
-  const used = [], tips = [];
-  const away = ([a, b]) => Math.min(...tips.map(([x, y]) => { // of a point from the nearest arrow
-    const part = Math.min(Math.max(((a - x0) * x + (b - y0) * y) / (x * x + y * y), 0), 1);
-    return Math.hypot(a - x0 - part * x, b - y0 - part * y);
-  }));
-  for (let k = 0; k < 6; k++) {
-    const z = relay.phasor(row, k), size = radius * magnitude(z) / relay.greatest[k < 3 ? 0 : 1];
-    const angle = (degrees(z) - relay.reference_deg) * Math.PI / 180;
-    if (size > 0.01 * radius) tips.push([size * Math.cos(angle), -size * Math.sin(angle)]);
-  }
+  const arrows = [];
   for (let k = 5; k >= 0; k--) {
     const z = relay.phasor(row, k), size = magnitude(z) / relay.greatest[k < 3 ? 0 : 1];
     if (!(size > 0.01)) continue;
-    const angle = (degrees(z) - relay.reference_deg) * Math.PI / 180, colour = css("--phase-" + "abc"[k % 3]);
-    const x = x0 + radius * size * Math.cos(angle), y = y0 - radius * size * Math.sin(angle);
-    g.strokeStyle = g.fillStyle = colour; g.lineWidth = k < 3 ? 2.4 : 1.8; g.setLineDash(k < 3 ? [] : [6, 4]);
+    const angle = (degrees(z) - relay.reference_deg) * Math.PI / 180, length = radius * size;
+    arrows.push({ k, angle, length, x: x0 + length * Math.cos(angle), y: y0 - length * Math.sin(angle) });
+  }
+  for (const { k, angle, length, x, y } of arrows) {
+    g.strokeStyle = g.fillStyle = css("--phase-" + "abc"[k % 3]); g.lineWidth = k < 3 ? 2.4 : 1.8; g.setLineDash(k < 3 ? [] : [6, 4]);
     g.beginPath(); g.moveTo(x0, y0); g.lineTo(x, y); g.stroke(); g.setLineDash([]);
     g.beginPath(); g.moveTo(x, y);
-    const head = Math.min(9, 0.7 * radius * size);
+    const head = Math.min(9, 0.7 * length);
     for (const side of [-1, 1]) g.lineTo(x - head * Math.cos(angle + side * 0.4), y + head * Math.sin(angle + side * 0.4));
     g.fill();
-    if (size < 0.09) continue; // a name would be greater than its arrow
-    // the name beyond the tip, or beside it where another one, or an arrow, is
-    const name = relay.page.channels[k].toUpperCase();
-    const places = [[11, 0], [14, 1], [14, -1], [15, 1.4], [15, -1.4], [24, 0], [22, 0.7], [22, -0.7], [34, 0.4], [34, -0.4], [46, 0]];
-    const at = places.map(([far, aside]) => [x + far * Math.cos(angle + aside), y - far * Math.sin(angle + aside)]);
-    const free = at.filter(([a, b]) => !used.some(([c, d]) => Math.abs(a - c) < 20 && Math.abs(b - d) < 12));
-    const place = free.find((one) => away(one) > 10.5) || free.sort((one, other) => away(other) - away(one))[0] || at[0];
-    used.push(place);
-    g.textAlign = "center"; g.textBaseline = "middle";
-    g.fillText(name, ...place);
-    g.textBaseline = "alphabetic";
   }
+  // a name would be greater than the smallest arrows
+  const named = arrows.filter(({ length }) => length >= 0.09 * radius);
+  g.textAlign = "center"; g.textBaseline = "middle"; g.lineJoin = "round";
+  namePlaces(named, arrows, [x0, y0], [width, height]).forEach(([x, y], n) => {
+    const own = named[n], name = relay.page.channels[own.k].toUpperCase(), far = Math.hypot(x - own.x, y - own.y);
+    g.strokeStyle = g.fillStyle = css("--phase-" + "abc"[own.k % 3]);
+    if (far > 24) { // a thread from the name to its tip
+      const part = 11 / far;
+      g.lineWidth = 0.8; g.beginPath(); g.moveTo(own.x, own.y); g.lineTo(x + (own.x - x) * part, y + (own.y - y) * part); g.stroke();
+    }
+    g.strokeStyle = css("--paper"); g.lineWidth = 3; g.strokeText(name, x, y);
+    g.fillText(name, x, y);
+  });
+  g.textBaseline = "alphabetic";
+}
+// Where each name stands: as near to its tip as it is clear of every arrow and of the other names.
+const NAME_HALF = [10, 7];
+function namePlaces(named, arrows, [x0, y0], [width, height]) {
+  const inside = ([x, y], u) => Math.abs(u[0] - x) < NAME_HALF[0] && Math.abs(u[1] - y) < NAME_HALF[1], busy = [], used = [];
+  for (const { x, y, length } of arrows) {
+    const steps = Math.max(1, Math.ceil(length / 3));
+    for (let n = 0; n <= steps; n++) busy.push([x0 + (x - x0) * n / steps, y0 + (y - y0) * n / steps]);
+  }
+  for (const { x, y, angle } of named) {
+    let best = null;
+    for (let far = 11; far <= 47; far += 4) for (let turn = 0; turn < 24; turn++) {
+      const aside = (turn % 2 ? 1 : -1) * Math.ceil(turn / 2) * Math.PI / 12, place = [x + far * Math.cos(angle + aside), y - far * Math.sin(angle + aside)];
+      if (place[0] < NAME_HALF[0] || place[0] > width - NAME_HALF[0] || place[1] < 20 || place[1] > height - NAME_HALF[1]) continue;
+      const met = used.filter((u) => Math.abs(u[0] - place[0]) < 2 * NAME_HALF[0] && Math.abs(u[1] - place[1]) < 2 * NAME_HALF[1]).length;
+      const cost = far + 3 * Math.abs(aside) + 300 * met + 100 * busy.filter((u) => inside(place, u)).length;
+      if (!best || cost < best[0]) best = [cost, place];
+    }
+    used.push(best ? best[1] : [x, y]);
+  }
+  return used;
 }

@@ -20,7 +20,7 @@ function planeExtent(relay, ground) {
   return (relay.extents[relay.shown] = [low[0] - pad, high[0] + pad, low[1] - pad, high[1] + pad]);
 }
 function drawPlane(canvas, relay, rowA, rowB) {
-  const [g, width, height] = canvas2d(canvas, 340), ground = relay.shown.endsWith("G");
+  const [g, width, height] = canvas2d(canvas, Math.max(340, Math.min(canvas.clientWidth, 460))), ground = relay.shown.endsWith("G");
   const [r0, r1, x0, x1] = planeExtent(relay, ground), left = 34, bottom = 20;
   const tick = (v) => String(+v.toPrecision(6));
   const scale = Math.min((width - left - 6) / (r1 - r0), (height - bottom - 6) / (x1 - x0)) / relay.distance;
@@ -93,7 +93,7 @@ function drawPlane(canvas, relay, rowA, rowB) {
       const place = [Math.max(left + half, Math.min(width - half, px(r))), Math.max(12, Math.min(height - bottom - 4, py(x) + (reverse ? 13 : -4)))];
       const moved = Math.abs(place[0] - px(r)) + Math.abs(place[1] - py(x)) > 15 ? 500 : 0, middle = [place[0], place[1] - 4];
       const cost = n / 2 + moved + 400 * used.filter((u) => Math.abs(u[0] - middle[0]) < u[2] + half && Math.abs(u[1] - middle[1]) < 13).length
-        + 8 * busy.filter((u) => Math.abs(u[0] - middle[0]) < half + 3 && Math.abs(u[1] - middle[1]) < 10).length;
+        + 8 * busy.filter((u) => Math.abs(u[0] - middle[0]) < half + 4 && Math.abs(u[1] - middle[1]) < 11).length;
       if (!best || cost < best[0]) best = [cost, place, middle];
     }
     const [, place, middle] = best;
