@@ -2,7 +2,8 @@
 
     python bench/cvt.py [--circuits ideal,P1,P2,A1,A2] [--sir 0.5,1,5,10,18,30] [--at 0.1,0.3,0.5,0.7,0.9,1]
                         [--angles 12] [--kind none|ideal|cvt] [--burden 100] [--noise 0] [--zone mho|quad]
-                        [--types AG,BC,BCG,ABC] [--frequency 50] [--order 2] [--within MS] [--markdown]
+                        [--types AG,BC,BCG,ABC] [--frequency 50] [--order 2] [--within MS]
+                        [--markdown] [--keep]
 
 A 220 kV Bergeron line of 100 km with 80 km behind its far end, a source of SIR times the line, 8 degrees of
 load, bolted A-G, B-C, B-C-G and A-B-C, 1500 Hz low-pass.  ``--kind`` is what the relay is told of its VT:
@@ -17,6 +18,7 @@ import argparse
 import math
 
 import numpy as np
+from results import keep
 
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
@@ -131,7 +133,9 @@ def main() -> None:
     parser.add_argument("--order", type=int, choices=(2, 4), default=2, help="of the low-pass")
     parser.add_argument("--within", type=float, default=math.inf)
     parser.add_argument("--markdown", action="store_true")
+    parser.add_argument("--keep", action="store_true", help="leave the figures for docs/evidence.md")
     given = parser.parse_args()
+    rows: list[tuple[str, str]] = []
     rng = np.random.default_rng(1)
     types, places = given.types.split(","), [float(at) for at in given.at.split(",")]
     print(f"told: {given.kind}; {given.zone}; {given.estimator}; {given.burden:g} VA; starts of"
@@ -152,11 +156,18 @@ def main() -> None:
                         relay = Relay(settings(given.kind, given.zone, given.estimator, circuit, hz))
                         times.append(start_ms(relay, x, begin))
                 cells.append(cell(np.array(times), given.within))
+            what = f"Zone 1 of 80 % ({given.zone}) behind {circuit}, told: {given.kind}, SIR {sir:g}"
+            shown = f"within {given.within:g} ms (slowest)" if given.within < math.inf else "median/worst ms"
+            what += f", low-pass of order {given.order}, {given.burden:g} VA, {given.frequency:g} Hz"
+            figures = "; ".join(f"{at:.0%}: {text}" for at, text in zip(places, cells, strict=True))
+            rows.append((f"{what}; starts of {len(types) * given.angles}, {shown}", figures))
             if given.markdown:
                 print(f"| {circuit}, {sir:g} | " + " | ".join(cells) + " |", flush=True)
             else:
                 told = (f"{at:g}: {text}" for at, text in zip(places, cells, strict=True))
                 print(f"{circuit:6s} SIR {sir:<4g} " + "  ".join(told), flush=True)
+    if given.keep:
+        keep("Security and instrument transformers", rows, beside=True)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
     python bench/security.py [--networks 2000] [--faults 1] [--seed 1001] [--kind mixed|long|extreme]
                              [--workers 1] [--first 0] [--antialias 1500] [--order 4]
                              [--estimator METHOD] [--vt ideal|unknown] [--functions] [--list]
-                             [--out FILE.npy]
+                             [--out FILE.npy] [--keep]
 
 A case is a network X - A - B - C drawn by `security_cases.draw`, a fault in it, and two relays, at both ends
 of A - B, in the closed loop that a campaign runs.  Each has a mho and a quadrilateral of 80 % of the line
@@ -15,7 +15,8 @@ frequency, which then is folded to the nominal one and no relay can tell it from
 other function of the relay at work beside the zones, none of which trips.  ``--list`` tells every wrong and
 every slow case.  A network's cases depend on the seed, its number and the kind alone: ``--first N --networks
 1`` runs one again.  ``--out`` keeps the answers, a row a relay, and goes on where a run of the same was
-stopped; ``--table NAME=FILE ...`` prints the table of docs/relay.md from such files.
+stopped; ``--table NAME=FILE ...`` prints the table of docs/relay.md from such files; ``--keep`` leaves
+them for docs/evidence.md.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from results import keep
 from security_cases import KINDS, TYPES, another, draw, fault, scenario, view
 
 from faultloop.loop.case import Cases
@@ -284,17 +286,23 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="every wrong and every slow case")
     parser.add_argument("--out", type=Path, help="a file of answers, to go on with")
     parser.add_argument("--table", nargs="+", metavar="NAME=FILE", help="of files of answers, in Markdown")
+    parser.add_argument("--keep", action="store_true", help="leave the figures for docs/evidence.md")
     given = parser.parse_args()
     if given.table:
         table(given.table)
         return
     found = answers(given)
-    print(
+    what = (
         f"{given.kind}, seed {given.seed}, {given.networks} networks from {given.first}, {given.faults}"
         f" faults in each, {given.antialias:g} Hz of order {given.order}, {given.estimator}, VT {given.vt}"
         f"{', with every function' if given.functions else ''}"
     )
+    print(what)
     tell(found, given.list)
+    if given.keep:
+        figures = "; ".join(f"{name}: {figure.replace('*', '')}" for name, figure in column(found).items())
+        line = f"Zone 1 of 80 %, mho or quadrilateral: {what}"
+        keep("Security and instrument transformers", [(line, figures)], beside=True)
 
 
 if __name__ == "__main__":
