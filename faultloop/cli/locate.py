@@ -25,9 +25,14 @@ def command(
     """Where the fault is, from both ends of its line."""
     from faultloop.cli.output import print_json, reading, warn_of
     from faultloop.cli.terminal import say
+    from faultloop.errors import InputError
     from faultloop.io.mcap_reader import open_log
     from faultloop.review.locate import locate
 
+    for path in (one, other):
+        if path.suffix.lower() in (".cfg", ".cff", ".dat"):
+            what = "is a COMTRADE record: play it into a relay (faultloop replay --log F.mcap), give its log"
+            raise InputError(what, file=path)
     logs = open_log(one), open_log(other)
     with reading(*logs):
         found = locate(*logs, (relay_a, relay_b), synchronised)

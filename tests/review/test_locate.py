@@ -70,3 +70,10 @@ def test_command_line_and_what_is_wrong(
         writer.add_relay("R1", ("PDIS1",))
     with pytest.raises(InputError, match="tells no impedance of the line"):
         locate(open_log(tmp_path / "quiet.mcap"), open_log(log))
+
+
+def test_a_record_is_told_how_it_becomes_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, record = str(write_log(tmp_path / "a.mcap")), tmp_path / "b.cfg"
+    assert call(["locate", log, str(record)]) == 2
+    what = "is a COMTRADE record: play it into a relay (faultloop replay --log F.mcap), give its log"
+    assert capsys.readouterr().err == f"faultloop: {record}: {what}\n"
