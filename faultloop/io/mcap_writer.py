@@ -92,7 +92,7 @@ class RelayRows:
         self.values = [larger(own) for own in self.values]
 
     def take(self, rows: int, start_ns: int) -> np.ndarray:
-        """The first ``rows`` rows as packed records (``schema.row_dtype``), which the next call overwrites; the
+        """The first ``rows`` rows as packed records (``row_dtype``), which the next call overwrites; the
         rows are held no longer."""
         if rows > len(self._packed):  # what all rows have in common is written once
             self._packed = np.empty(rows, row_dtype())

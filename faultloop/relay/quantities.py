@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay import currents, cvt, energy, memory, recent, second, voltages
+from faultloop.relay import currents, cvt, energy, memory, recent, second, unsampled, voltages
 from faultloop.relay.energy import ENERGY
 from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2, third
 from faultloop.relay.recent import RECENT, SQRT2
@@ -129,6 +129,7 @@ QUANTITIES = np.dtype(
             "i8",
         ),  # snapshots in a row of closed poles with neither voltage nor current, not loaded before
         ("missing", "i8"),  # mask of phases whose current is missing
+        ("without", "i8", (6,)),  # samples in a row of which there is no value
         # the memory, and what is new against it
         ("memory", MEMORY),
         ("sound", "i8"),  # nothing looks like a fault; judged only while the memory is not ready
@@ -388,6 +389,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
         if q.memory.tick == 0 and q.memory.seen > g.settling:
             voltages.prove(g, q)
             currents.watch(g, q)
+    unsampled.watch(g, q, sample)
     q.fed = q.memory.fed if q.disturbed else 0
     forget(q)
 
