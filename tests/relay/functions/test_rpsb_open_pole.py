@@ -1,0 +1,41 @@
+"""A swing while a pole is open: I2 and I0 are the open pole's, and no fault's."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from faultloop.relay import Relay
+from tests.relay.network import play
+
+
+@pytest.fixture(scope="module")
+def bench(root: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("bench_swing_network", root / "bench" / "swing_network.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    before = list(sys.path)
+    sys.path.append(str(root / "bench"))  # last: its can.py is not python-can
+    spec.loader.exec_module(module)
+    sys.path[:] = before
+    return module
+
+
+@pytest.mark.parametrize("case", [2, 4, 8, 13])
+def test_no_zone_trips(bench: ModuleType, case: int) -> None:
+    """Drawn swings on Bergeron lines, pole A of A - B open from 0.2 s on: zone 1 tripped in each of these."""
+    data, _ = bench.scenario(np.random.default_rng([81105, case]), "pole", "ideal")
+    x = bench.samples(data, True)
+    before_s = (len(x) - round(data["scenario"]["duration_s"] * bench.FS)) / bench.FS
+    relay, opens = Relay(bench.settings("ideal")), round((before_s + bench.OPENS_S + 0.02) * bench.FS)
+    assert not [event for event in play(relay, x[:opens]) if event.trip]
+    relay.inputs = relay.inputs._replace(breaker_closed=0b110)
+    events = play(relay, x[opens:])
+    assert not [event for event in events if event.trip]
+    assert [event for event in events if "RPSB1" in event.text]
