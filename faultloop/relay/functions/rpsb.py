@@ -227,13 +227,16 @@ def is_slower(w: Record, way: float) -> bool:
 
 @njit
 def stands(g: Record, q: Record, c: Record, w: Record) -> int:
-    """Mask of the loops that stand still; none of an open pole's, and one alone only with I2 or I0."""
+    """Mask of the loops that stand still; none of an open pole's, and one alone only with I2 or I0.  Of a
+    fault that has been found it goes on standing without: at the swing's centre it draws no current."""
     jumped = w.state == FAULT and w.cause == JUMPED and 4 * w.age >= 3 * g.cycle and is_slower(w, w.speed)
     mask = standing(g, q, w.pace, jumped) & ~loops_of(7 & ~q.closed)
     if mask & PHASE_LOOPS == PHASE_LOOPS:
         return mask
     faint = (FAINT * c.unbalance) ** 2 * w.current2
-    return 0 if max(size2(q.sequence[3]), size2(q.sequence[5])) < faint else mask
+    if max(size2(q.sequence[3]), size2(q.sequence[5])) >= faint:
+        return mask
+    return mask & q.standing if w.state == FAULT else 0
 
 
 @njit
