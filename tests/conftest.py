@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+from tests.measured import Measured
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -33,6 +37,19 @@ def records() -> Path:
     if not path.is_dir():
         pytest.skip("needs-shared: no fault records; set FAULTLOOP_RECORDS to their folder")
     return path
+
+
+@pytest.fixture
+def measured(record_property: Callable[[str, object], None]) -> Iterator[Measured]:
+    """Keeps the greatest of what a test measures, for bench/checks.py."""
+    most: dict[tuple[str, str], float] = {}
+
+    def keep(what: str, value: float, unit: str = "") -> None:
+        most[what, unit] = max(float(value), most.get((what, unit), float(value)))
+
+    yield keep
+    for (what, unit), value in most.items():
+        record_property("measured", json.dumps([what, value, unit]))
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

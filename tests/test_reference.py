@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import importlib.util
+import importlib
 import inspect
 import itertools
 import re
@@ -14,14 +14,12 @@ from types import ModuleType
 
 import pytest
 
+from tests.load import load
+
 
 @pytest.fixture(scope="module")
-def module(root: Path) -> ModuleType:
-    place = importlib.util.spec_from_file_location("reference", root / "docs" / "reference.py")
-    assert place is not None and place.loader is not None
-    module = importlib.util.module_from_spec(place)
-    place.loader.exec_module(module)
-    return module
+def module() -> ModuleType:
+    return load("docs/reference.py")
 
 
 def test_the_page_is_that_of_the_code(root: Path, module: ModuleType) -> None:

@@ -1,32 +1,43 @@
-"""What benches, suites and tests have left in bench/results stands in docs/evidence.md as it is."""
+"""docs/evidence.md is what docs/evidence.py writes of what was left in bench/results."""
 
 from __future__ import annotations
 
-import importlib.util
 import json
-import re
-from pathlib import Path
+from types import ModuleType
 
-ROOT = Path(__file__).resolve().parents[2]
+import pytest
+
+from tests.load import ROOT, load
 
 
-def test_the_page_has_what_was_left() -> None:
-    place = importlib.util.spec_from_file_location("evidence", ROOT / "docs" / "evidence.py")
-    assert place is not None and place.loader is not None
-    evidence = importlib.util.module_from_spec(place)
-    place.loader.exec_module(evidence)
-    text = evidence.PAGE.read_text(encoding="utf-8")
-    assert evidence.filled(text) == text, "python docs/evidence.py"
-    marked, rows = re.findall(evidence.PLACE, text), evidence.results()
+@pytest.fixture(scope="module")
+def evidence() -> ModuleType:
+    return load("docs/evidence.py")
+
+
+def test_the_page_is_what_was_left(evidence: ModuleType) -> None:
+    assert evidence.PAGE.read_text(encoding="utf-8") == evidence.page(), "python docs/evidence.py"
+
+
+def test_every_row_has_its_section_and_a_command_that_is_there(evidence: ModuleType) -> None:
+    rows = evidence.results()
     assert rows
     for row in rows:
-        assert row["section"] in marked and set(evidence.COLUMNS) < set(row)
+        assert row["section"] in evidence.SECTIONS and set(evidence.COLUMNS) < set(row)
         files = [word for word in row["command"].split() if word.startswith(("bench/", "tests/"))]
         assert files or row["command"].startswith("faultloop suite "), row["command"]
         assert all((ROOT / file.split("::")[0]).exists() for file in files), row["command"]
+    lines = [row["line"] for row in rows]
+    assert len(lines) == len(set(lines)), "no line twice"
 
 
-def test_every_line_that_is_checked_has_its_tests() -> None:
-    for lines in json.loads((ROOT / "bench" / "checks.json").read_text("utf-8")).values():
-        for tests in lines.values():
-            assert all((ROOT / file.split("::")[0]).exists() for file in tests.split()), tests
+def test_every_line_that_is_checked_has_its_tests_and_its_row() -> None:
+    kept = json.loads((ROOT / "bench" / "results" / "checks.json").read_text("utf-8"))
+    checks = json.loads((ROOT / "bench" / "checks.json").read_text("utf-8"))
+    lines = {line: (section, tests) for section, some in checks.items() for line, tests in some.items()}
+    assert {row["line"]: (row["section"], row["command"].removeprefix("pytest ")) for row in kept} == lines
+    for _, tests in lines.values():
+        for word in tests.removeprefix("-m 'slow or not slow' ").split():
+            file, _, name = word.partition("::")
+            assert (ROOT / file).exists(), word
+            assert not name or f"def {name}(" in (ROOT / file).read_text("utf-8"), word

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 from types import ModuleType
@@ -10,6 +9,7 @@ from types import ModuleType
 import pytest
 
 from faultloop.config.key_table import key_table
+from tests.load import load
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ("scenario.md", "campaigns.md")
@@ -17,11 +17,7 @@ PAGES = ("scenario.md", "campaigns.md")
 
 @pytest.fixture(scope="module")
 def keys() -> ModuleType:
-    place = importlib.util.spec_from_file_location("keys", ROOT / "docs" / "keys.py")
-    assert place is not None and place.loader is not None
-    module = importlib.util.module_from_spec(place)
-    place.loader.exec_module(module)
-    return module
+    return load("docs/keys.py")
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import socket
 import subprocess
@@ -22,6 +21,7 @@ from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.messages import values
 from faultloop.io.rerun_sink import RerunSink, log_to_rerun
 from faultloop.io.rerun_view import tick_step
+from tests.load import load
 
 START_NS = 1_577_836_800_000_000_000
 
@@ -243,10 +243,7 @@ def test_viewer_shows_everything(
 
     rerun("--version", folder=tmp_path)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    spec = importlib.util.spec_from_file_location("rerun_view_bench", root / "bench" / "rerun_view.py")
-    assert spec is not None and spec.loader is not None
-    bench = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(bench)
+    bench = load("bench/rerun_view.py")
     log_to_rerun(open_log(log_path), str(tmp_path / "run.rrd"))
     assert bench.screenshot(tmp_path / "run.rrd", tmp_path / "shot.png", 100.0) == []
     picture = np.asarray(Image.open(tmp_path / "shot.png").convert("RGB")).reshape(-1, 3).astype(int)

@@ -10,6 +10,7 @@ from faultloop.plant import Plant
 from faultloop.plant.fault import FAULT_TYPES
 from faultloop.relay import Relay, RelaySettings
 from tests.examples import scenario
+from tests.measured import Measured
 
 Z1 = 6 + 40j
 LOOP = {"AG": "AG", "BG": "BG", "CG": "CG", "ABG": "AB", "BCG": "BC", "CAG": "CA", "ABCG": "ABC"}
@@ -61,12 +62,15 @@ def faulted(estimator: str, **fault: object) -> tuple[Relay, np.ndarray, np.ndar
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 @pytest.mark.parametrize("at_pu", [0.1, 0.3, 0.5, 0.7, 0.9])
 @pytest.mark.parametrize("kind", FAULT_TYPES)
-def test_a_bolted_fault_is_seen_where_it_is(estimator: str, kind: str, at_pu: float) -> None:
+def test_a_bolted_fault_is_seen_where_it_is(
+    estimator: str, kind: str, at_pu: float, measured: Measured
+) -> None:
     relay, loops, _, first = faulted(estimator, line="AB", at_pu=at_pu, type=kind)
     loop = LOOP.get(kind, kind)
     for name in (loop,) if loop != "ABC" else ("AB", "BC", "CA"):
         place = PLACES[name]
         seen = complex(loops[place], loops[place + 1])
+        measured(f"error of {estimator}", 100 * abs(seen / (at_pu * Z1) - 1), "%")
         assert abs(seen - at_pu * Z1) <= 0.01 * abs(at_pu * Z1), f"{name}: {seen} for {at_pu * Z1}"
     assert "RDIR1.DirFwd" in first
     assert "RDIR1.DirRev" not in first

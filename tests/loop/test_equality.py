@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import pytest
 
 from faultloop.loop.case import Cases
 from faultloop.loop.scenario import load_scenario
+from tests.load import load
 
 
-def bench() -> Any:
-    path = Path(__file__).resolve().parents[2] / "bench" / "equality.py"
-    spec = importlib.util.spec_from_file_location("equality_bench", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def bench() -> ModuleType:
+    return load("bench/equality.py")
 
 
 def assert_equal(numbers: range, folder: Path, estimators: tuple[str, ...]) -> None:

@@ -12,6 +12,7 @@ import faultloop
 from faultloop.cli import call
 from faultloop.errors import InputError
 from faultloop.loop.replay import replay
+from tests.measured import Measured
 
 SETTINGS = Path(__file__).resolve().parents[2] / "scenarios" / "settings"
 AG = Path(__file__).resolve().parents[2] / "scenarios" / "ag-zone1.toml"
@@ -21,11 +22,12 @@ SEL = ",".join(  # peak = RMS in this record
 )
 
 
-def test_sel_311l_with_its_own_settings(records: Path) -> None:
+def test_sel_311l_with_its_own_settings(records: Path, measured: Measured) -> None:
     """A real C-G fault; its relay's .hdr says location 0.84, and the record's bits Z2G but not Z1G."""
     result = replay(
         records / "sel311l-c-g" / "1991-ascii-sel.cfg", SETTINGS / "sel311l-c-g.toml", mapping=SEL
     )
+    measured("error of the location 0.84", abs(result.fault_location - 0.84), "of the line")
     assert result.fault_location == pytest.approx(0.84, abs=0.02)
     assert "PHS1.CG" in result.first_pickup_ns
     assert "PDIS4" in result.first_pickup_ns  # zone 2 ground; the real one at 0.0740 s
@@ -35,7 +37,9 @@ def test_sel_311l_with_its_own_settings(records: Path) -> None:
 
 
 @pytest.mark.parametrize(("circuit", "first_v", "first_i"), [("II", 4, 12), ("I", 0, 8)])
-def test_double_circuit_line(records: Path, circuit: str, first_v: int, first_i: int) -> None:
+def test_double_circuit_line(
+    records: Path, circuit: str, first_v: int, first_i: int, measured: Measured
+) -> None:
     """B-G on circuit II: its relay trips phase B; the relay of the healthy circuit I trips nothing."""
     mapping = ",".join(
         [f"v{p}={first_v + i}" for i, p in enumerate("abc")]
@@ -48,6 +52,7 @@ def test_double_circuit_line(records: Path, circuit: str, first_v: int, first_i:
     else:
         assert result.trips[0].poles == 2
         assert result.trips[0].loop == "BG"
+        measured("trip after the fault at 0.100 s", result.trips[0].t_ns / 1e6 - 100, "ms")
         assert 0.100 < result.trips[0].t_ns / 1e9 < 0.140
 
 

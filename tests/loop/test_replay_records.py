@@ -14,6 +14,7 @@ from faultloop.io.comtrade import AnalogChannel, Rate, Record, write_comtrade
 from faultloop.io.comtrade.record import StatusChannel, times_of
 from faultloop.loop.replay import ReplayResult, replay
 from faultloop.relay import RelaySettings, load_settings
+from tests.measured import Measured
 from tests.relay.test_not_ready import ALLOWED
 
 MHO = Path(__file__).resolve().parents[2] / "scenarios" / "settings" / "ab-mho.toml"
@@ -71,7 +72,9 @@ def test_cases_that_are_refused(shared: Path, settings: RelaySettings, name: str
 
 @pytest.mark.parametrize("method", ALLOWED)
 @pytest.mark.parametrize("name", ["d50", "d200"])
-def test_a_decimated_stretch_is_blank(shared: Path, tmp_path: Path, name: str, method: str) -> None:
+def test_a_decimated_stretch_is_blank(
+    shared: Path, tmp_path: Path, name: str, method: str, measured: Measured
+) -> None:
     folder = shared / "cases" / "record-decimated"
     given = load_settings(folder / "relay.toml")
     own = given.model_copy(update={"estimator": given.estimator.model_copy(update={"method": method})})
@@ -81,6 +84,7 @@ def test_a_decimated_stretch_is_blank(shared: Path, tmp_path: Path, name: str, m
     assert (
         1.338e9 < result.trips[0].t_ns < 1.338e9 + (40e6 if method == "cosine" else 30e6)
     )  # its window is longer
+    measured(f"trip of {method} after the fault", result.trips[0].t_ns / 1e6 - 1338, "ms")
     assert not [t for t in result.first_operate_ns.values() if t < 1.338e9]
     assert result.fault_location == pytest.approx(0.6, abs=0.01)
     (told,) = result.warnings

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 from faultloop.errors import InputError
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from tests.measured import Measured
 from tests.plant.record import record
 from tests.plant.reference import A, fault_admittance, phase_matrix, phasors
 
@@ -72,7 +73,9 @@ APPARENT = {
 
 @pytest.mark.parametrize("opposite", [False, True])
 @pytest.mark.parametrize(("where", "expected"), APPARENT.items())
-def test_reach_of_the_ground_loop(where: tuple[float, bool, bool], expected: complex, opposite: bool) -> None:
+def test_reach_of_the_ground_loop(
+    where: tuple[float, bool, bool], expected: complex, opposite: bool, measured: Measured
+) -> None:
     position, fed, earthed = where
     fault = [{"name": "F", "line": "L1", "at_pu": position, "type": "AG", "start_s": 0.0}]
     data = parallel("rl", fed=fed, opposite=opposite)
@@ -89,6 +92,7 @@ def test_reach_of_the_ground_loop(where: tuple[float, bool, bool], expected: com
     z1, z0, zm = complex(0.03, 0.3), complex(0.25, 1.0), complex(0.2, 0.6)
     v, i, i0, beside = x[0, 0], x[0, 3], x[0, 3:].sum() / 3, x[1, 3:].sum() / 3
     compensated = i + (z0 - z1) / z1 * i0
+    measured("error of what the loop sees", abs(v / compensated / (z1 * KM) - expected), "of the line")
     assert v / compensated / (z1 * KM) == pytest.approx(expected, abs=2e-4)
     if not earthed:  # the parallel line's residual current makes the loop see the place, exactly
         assert v / (compensated + zm / z1 * beside) / (z1 * KM) == pytest.approx(position, abs=1e-4)
@@ -163,7 +167,9 @@ def exact(model: str, position: float, kind: str, b0m: float, begin: float) -> n
 @pytest.mark.parametrize(
     ("model", "b0m"), [("rl", 0.0), ("pi", 0.0), ("pi", B0M), ("bergeron", 0.0), ("bergeron", B0M)]
 )
-def test_against_the_six_phase_line(model: str, kind: str, b0m: float, begin: float) -> None:
+def test_against_the_six_phase_line(
+    model: str, kind: str, b0m: float, begin: float, measured: Measured
+) -> None:
     """Voltages and currents of both circuits, without breakers, so that shares of a capacitance at the ends
     count as the line's; 0.2 % of the largest."""
     position = 0.6
@@ -182,6 +188,7 @@ def test_against_the_six_phase_line(model: str, kind: str, b0m: float, begin: fl
     expected = exact(model, position, kind, b0m, begin)
     for part in (slice(0, 3), slice(3, 6)):
         error = np.abs(ours[:, part] - expected[:, part]).max() / np.abs(expected[:, part]).max()
+        measured("difference from the six-phase line", 100 * error, "%")
         assert error < 2e-3
 
 

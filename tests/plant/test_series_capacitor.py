@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from faultloop.errors import InputError
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from tests.measured import Measured
 from tests.plant.record import record
 from tests.plant.reference import phasors
 
@@ -69,6 +70,7 @@ def test_voltage_and_current_inversion(
     voltage: tuple[float, float] | None,
     current: tuple[float, float] | None,
     breaker: bool,
+    measured: Measured,
 ) -> None:
     xc = degree * LINE.imag
     tables = {"breaker": [{"name": "Q", "line": "L", "end": "from"}]} if breaker else {}
@@ -78,6 +80,7 @@ def test_voltage_and_current_inversion(
     i = 1 / (SOURCE + z)
     assert x[0] == pytest.approx(i * z, abs=0.002 * abs(i * z))
     assert x[3] == pytest.approx(i, abs=0.002 * abs(i))
+    measured("error of the current", 100 * abs(x[3] / i - 1), "%")
     for found, printed in ((x[0], voltage), (x[3], current)):
         if printed is not None:
             size, angle = printed
@@ -85,7 +88,7 @@ def test_voltage_and_current_inversion(
             assert abs(np.angle(found * np.exp(-1j * np.radians(angle)), deg=True)) < 0.3
 
 
-def test_subsynchronous_beat() -> None:
+def test_subsynchronous_beat(measured: Measured) -> None:
     """f0 sqrt(Xc / (Xs + x XL)) = 28.87 Hz, half compensated, fault at the far end; damped 28.68."""
     x = record(Plant(Scenario.from_dict(radial({"x_ohm": 20.0}, fault=fault(1.0)))), 2400)[0][:, 0, 3]
     k = np.arange(len(x))
@@ -106,11 +109,12 @@ def test_subsynchronous_beat() -> None:
             rcond=None,
         )[1][0],
     )
+    measured("error of the beat of 28.68 Hz", abs(best - 28.68), "Hz")
     assert best == pytest.approx(28.68, abs=0.06)
 
 
 @pytest.mark.parametrize("position", [0.0, 0.4])
-def test_the_varistor_against_an_ode_solver(position: float) -> None:
+def test_the_varistor_against_an_ode_solver(position: float, measured: Measured) -> None:
     """With equal sequence impedances a fault to earth of all phases is three circuits of their own."""
     bank = {"x_ohm": 28.0, "mov_kv": 60.0, "mov_ka": 5.0, "exponent": 30.0}
     x = record(Plant(Scenario.from_dict(radial(bank, fault=fault(position, "ABCG")))), 960)[0][:, 0]
@@ -127,7 +131,9 @@ def test_the_varistor_against_an_ode_solver(position: float) -> None:
         exact = solve_ivp(
             slope, (0, t[-1]), [0.0, 0.0], "LSODA", t, args=(phase,), rtol=1e-9, atol=1e-6, max_step=1e-4
         ).y
-        assert np.abs(x[:, 3 + phase] - exact[0]).max() < 0.005 * np.abs(exact[0]).max()
+        error = np.abs(x[:, 3 + phase] - exact[0]).max() / np.abs(exact[0]).max()
+        measured("error of the current with a varistor", 100 * error, "% of the peak")
+        assert error < 0.005
         bus = exact[1] + position * (
             LINE.real * exact[0]
             + LINE.imag

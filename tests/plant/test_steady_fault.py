@@ -7,6 +7,7 @@ import pytest
 
 from faultloop.plant import Plant
 from faultloop.plant.fault import FAULT_TYPES
+from tests.measured import Measured
 from tests.plant.reference import build, phasors, solve
 
 POSITIONS = (0.0, 0.1, 0.45, 0.8, 1.0)
@@ -26,7 +27,7 @@ def settled(model: str, kind: str, position: float, resistance: float) -> np.nda
 
 @pytest.mark.parametrize("position", POSITIONS)
 @pytest.mark.parametrize("model", ["rl", "pi", "bergeron"])
-def test_fault_phasors(model: str, position: float) -> None:
+def test_fault_phasors(model: str, position: float, measured: Measured) -> None:
     for kind in FAULT_TYPES:
         for resistance in (0.0, 20.0):
             ours, exact = settled(model, kind, position, resistance), solve(model, position, kind, resistance)
@@ -35,11 +36,12 @@ def test_fault_phasors(model: str, position: float) -> None:
             for part in (slice(0, 3), slice(3, 6)):
                 size = np.maximum(np.abs(exact[:, part]), 0.02 * np.abs(exact[:, part]).max())
                 error = np.abs(ours[:, part] - exact[:, part]) / size
+                measured(f"vector error of {model}", 100 * error.max(), "%")
                 assert error.max() < LIMIT[model], (kind, resistance, part, error)
 
 
 @pytest.mark.parametrize("model", ["rl", "pi", "bergeron"])
-def test_before_the_fault_the_samples_are_a_pure_sinusoid(model: str) -> None:
+def test_before_the_fault_the_samples_are_a_pure_sinusoid(model: str, measured: Measured) -> None:
     plant = Plant(build(model))
     plant.advance(4800)
     x = plant.samples
@@ -48,6 +50,7 @@ def test_before_the_fault_the_samples_are_a_pure_sinusoid(model: str) -> None:
     for relay in range(2):
         fit, *_ = np.linalg.lstsq(basis, x[:, relay], rcond=None)
         residual = np.abs(basis @ fit - x[:, relay]).max(axis=0)
+        measured("what no sinusoid is", (residual / np.hypot(*fit)).max())
         assert (residual / np.hypot(*fit)).max() < 1e-9
     exact = solve(model, 0.5, None)
     assert np.abs(phasors(x, 0, 4800) / exact - 1).max() < 1e-3

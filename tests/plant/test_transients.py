@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from faultloop.plant import Plant
+from tests.measured import Measured
 from tests.plant.record import now_ns, record
 from tests.plant.reference import BASE_KV, KM, LINE, build
 
@@ -13,7 +14,7 @@ OMEGA = 2 * np.pi * 50
 
 
 @pytest.mark.parametrize("angle", [0.0, 47.0, 90.0])
-def test_fault_current_with_offset(angle: float) -> None:
+def test_fault_current_with_offset(angle: float, measured: Measured) -> None:
     """A bolted three-phase fault half-way along an R-L line behind an infinite bus."""
     source = {"name": "A", "bus": "A", "z1_ohm": [0.0, 1e-3], "z0_ohm": [0.0, 1e-3]}
     far = {"name": "B", "bus": "B", "angle_deg": -5, "z1_ohm": [3.0, 20.0], "z0_ohm": [3.0, 20.0]}
@@ -36,6 +37,7 @@ def test_fault_current_with_offset(angle: float) -> None:
         first = (steady[0] * np.exp(1j * OMEGA * start)).real
         exact = steady.real + (initial - first) * np.exp(-(t - start) * r / l)
         error = np.abs(x[after, 0, 3 + phase] - exact[after]).max() / np.abs(exact[after]).max()
+        measured("error", 100 * error, "% of the peak")
         assert error < 1e-3, (phase, error)
 
 
@@ -72,7 +74,7 @@ def travel_steps(length_km: float) -> float:
 
 
 @pytest.mark.parametrize("steps", [20.0, 20.4])
-def test_reflection_at_the_open_end(steps: float) -> None:
+def test_reflection_at_the_open_end(steps: float, measured: Measured) -> None:
     near, far, closing = energized(100 * steps / travel_steps(100))
     surge = (
         near[closing + 1] - near[closing]
@@ -87,6 +89,7 @@ def test_reflection_at_the_open_end(steps: float) -> None:
     # right after its step, so the first changed sample is the next one)
     front = (far[last_quiet : arrived + 1] - far[last_quiet]) @ surge / (rise @ surge)
     arrival = arrived - front.sum() + 1 - (closing + 1)
+    measured("error of the arrival", abs(arrival - steps), "steps")
     assert arrival == pytest.approx(steps, abs=0.05)
 
 

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 from faultloop.relay import Relay
+from tests.load import load
+from tests.measured import Measured
 
 
 @pytest.fixture(scope="module")
-def bench(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("bench_cvt", root / "bench" / "cvt.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def bench() -> ModuleType:
+    return load("bench/cvt.py")
 
 
 def start(
@@ -64,18 +59,26 @@ def test_an_ideal_one_waits_for_nothing(bench: ModuleType) -> None:
 
 @pytest.mark.parametrize("circuit", ["P1", "P2", "A1", "A2"])
 @pytest.mark.parametrize("sir", [5.0, 18.0])
-def test_a_known_circuit_waits_for_nothing(bench: ModuleType, circuit: str, sir: float) -> None:
+def test_a_known_circuit_waits_for_nothing(
+    bench: ModuleType, circuit: str, sir: float, measured: Measured
+) -> None:
     for kind, angle in (("AG", 45.0), ("ABC", 0.0)):
         for at in (0.85, 1.0):
             t = start(bench, circuit, sir, at, kind, angle, "cvt")
             assert t != t, f"{kind} at {at:g}: {t} ms"
-        assert start(bench, circuit, sir, 0.5, kind, angle, "cvt") < 25.0
+        inside = start(bench, circuit, sir, 0.5, kind, angle, "cvt")
+        measured("start at 50 %", inside, "ms")
+        assert inside < 25.0
 
 
 @pytest.mark.parametrize(("circuit", "sir"), [("A1", 18.0), ("A2", 10.0)])
 @pytest.mark.parametrize("burden", [50.0, 125.0])
-def test_another_burden_than_it_is_told(bench: ModuleType, circuit: str, sir: float, burden: float) -> None:
+def test_another_burden_than_it_is_told(
+    bench: ModuleType, circuit: str, sir: float, burden: float, measured: Measured
+) -> None:
     for kind, angle in (("AG", 45.0), ("BC", 0.0)):
         t = start(bench, circuit, sir, 1.0, kind, angle, "cvt", burden)
         assert t != t, f"{kind}: {t} ms"
-        assert start(bench, circuit, sir, 0.5, kind, angle, "cvt", burden) < 35.0
+        inside = start(bench, circuit, sir, 0.5, kind, angle, "cvt", burden)
+        measured("start at 50 % with another burden", inside, "ms")
+        assert inside < 35.0

@@ -12,6 +12,7 @@ from faultloop.config.cvt_circuit import chosen_circuit
 from faultloop.errors import InputError
 from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.cvt import STATE, inverse, restore
+from tests.measured import Measured
 
 RATE, F0 = 4800, 50
 OMEGA = 2 * math.pi * F0
@@ -58,7 +59,7 @@ def restored(circuit: str, y: np.ndarray, noise: float = 0.0) -> np.ndarray:
 @pytest.mark.parametrize(("angle", "left"), [(-math.pi / 2, 0.0), (0.0, 0.0), (1.0, 0.03), (2.5, 0.5)])
 @pytest.mark.parametrize("frequency_hz", [50.0, 48.0])
 def test_a_voltage_that_falls_is_restored(
-    circuit: str, angle: float, left: float, frequency_hz: float
+    circuit: str, angle: float, left: float, frequency_hz: float, measured: Measured
 ) -> None:
     """To 1 % of the crest from 2 ms on, for a tenth of a second: behind the circuit up to 35 % are left."""
     n = BEFORE + 480
@@ -66,6 +67,7 @@ def test_a_voltage_that_falls_is_restored(
     true = np.cos(2 * math.pi * frequency_hz * t + angle) * np.where(t < 0, 1.0, left)
     found = restored(circuit, behind(circuit, frequency_hz, angle, left, n))
     later = slice(BEFORE + 10, None)
+    measured("error", 100 * np.abs(found - true)[later].max(), "% of the crest")
     assert np.abs(found - true)[later].max() < 0.01
     assert np.abs(found - true)[BEFORE - 480 : BEFORE - 1].max() < 0.01
 

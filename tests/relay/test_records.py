@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from faultloop.relay import Relay, RelaySettings, load_settings
+from tests.measured import Measured
 from tests.relay.network import play
 
 
@@ -27,7 +28,7 @@ def settings_file(root: Path, name: str) -> RelaySettings:
     return load_settings(root / "scenarios" / "settings" / f"{name}.toml")
 
 
-def test_sel311l_c_g(records: Path, root: Path) -> None:
+def test_sel311l_c_g(records: Path, root: Path, measured: Measured) -> None:
     """The relay's own answer: C-G, location 0.84; in its file Z2G picks up and Z1G does not."""
     x = analog(records / "sel311l-c-g", "1991-ascii-sel")
     samples = np.sqrt(2) * np.column_stack([*(1e3 * x[5:8]), *x[0:3]])
@@ -40,6 +41,7 @@ def test_sel311l_c_g(records: Path, root: Path) -> None:
         assert starts[stage].sample_count / 960 == pytest.approx(known_s, abs=0.002)
     assert starts[zone_2_ground].text.endswith("CG forward")
     assert starts[zone_2_ground].sample_count / 960 == pytest.approx(0.074, abs=0.008)
+    measured("error of the location 0.84", abs(relay.fault_location - 0.84), "of the line")
     assert relay.fault_location == pytest.approx(0.84, abs=0.02)
 
 

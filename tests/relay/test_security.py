@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -16,6 +13,7 @@ from faultloop.plant import Plant
 from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.loop_fit import centred, fit, gather
 from faultloop.relay.recent import LENGTH, RECENT
+from tests.load import load
 
 SAMPLING_HZ = 4800
 WARM = 1920
@@ -120,14 +118,7 @@ def test_a_fault_on_the_line_is_not_held_up(kind: str) -> None:
 
 
 def _cases() -> ModuleType:
-    path = Path(__file__).resolve().parents[2] / "bench" / "security_cases.py"
-    spec = importlib.util.spec_from_file_location("security_cases", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load("bench/security_cases.py")
 
 
 def relay_with(head: dict[str, Any], z1: list[float], z0: list[float], zones: list[dict[str, Any]]) -> Relay:

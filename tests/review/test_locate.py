@@ -13,6 +13,7 @@ from faultloop.errors import InputError
 from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.review.locate import locate
+from tests.measured import Measured
 from tests.review.review_logs import START_NS, write_log
 
 CASES = [
@@ -30,14 +31,16 @@ def run(root: Path, folder: Path, kind: str, at: float, ohm: float, *more: str) 
 
 @pytest.mark.parametrize(("kind", "at", "ohm"), CASES)
 def test_a_fault_is_where_the_plant_applied_it(
-    root: Path, tmp_path: Path, kind: str, at: float, ohm: float
+    root: Path, tmp_path: Path, kind: str, at: float, ohm: float, measured: Measured
 ) -> None:
     log = open_log(run(root, tmp_path, kind, at, ohm))
     both = locate(log, log)
     assert (both.synchronised, both.sequence) == (True, "positive" if kind == "ABC" else "negative")
+    measured("error", 100 * abs(both.part - at), "% of the line")
     assert both.part == pytest.approx(at, abs=0.005)
     assert both.km == pytest.approx(100 * both.part)
     apart = locate(log, log, ("RA", "RB"), synchronised=False)
+    measured("error without a common clock", 100 * abs(apart.part - at), "% of the line")
     assert apart.part == pytest.approx(at, abs=0.01)
     assert locate(log, log, ("RB", "RA")).part == pytest.approx(1 - at, abs=0.005)
 

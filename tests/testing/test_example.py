@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import threading
 from pathlib import Path
 from types import ModuleType
@@ -15,15 +14,12 @@ from faultloop.io.can.frames import Frame, State, decode
 from faultloop.io.can.table import Kind
 from faultloop.io.can.transport import open_bus
 from faultloop.nodes.goose import Subscriber
+from tests.load import load
 
 
 @pytest.fixture(scope="module")
-def example(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("my_breaker", root / "examples" / "my_breaker.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def example() -> ModuleType:
+    return load("examples/my_breaker.py")
 
 
 class Sent:
@@ -105,10 +101,7 @@ def test_it_takes_a_breakers_place_in_a_run(example: ModuleType, root: Path) -> 
 
 
 def test_thirty_lines_do_it_too(faultloop_bus, root: Path) -> None:
-    spec = importlib.util.spec_from_file_location("thirty", root / "examples" / "breaker_in_30_lines.py")
-    assert spec is not None and spec.loader is not None
-    thirty = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(thirty)
+    thirty = load("examples/breaker_in_30_lines.py")
     breaker = thirty.Breaker(faultloop_bus.open(), pace=0.25)
     faultloop_bus.serve(breaker.step)
     run = faultloop_bus.run(root / "scenarios" / "ag-zone1.toml", pace=0.25, without=["QA"])

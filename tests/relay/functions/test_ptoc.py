@@ -8,6 +8,7 @@ import pytest
 from faultloop.errors import InputError
 from faultloop.relay import RelaySettings
 from faultloop.relay.functions.ptoc import PTOC, operating_time, reset_time
+from tests.measured import Measured
 from tests.relay.functions.kernel import GIVEN, TURN, Kernel
 
 RATE = 4800
@@ -58,11 +59,13 @@ GOLDEN = {
 
 
 @pytest.mark.parametrize("curve", GOLDEN)
-def test_the_curves_have_the_published_times(curve: str) -> None:
+def test_the_curves_have_the_published_times(curve: str, measured: Measured) -> None:
     k = stage(curve)
     times, resets = GOLDEN[curve]
     for multiple, seconds in zip((2.0, 5.0, 10.0), times, strict=True):
-        assert operating_time(k.c, multiple) == pytest.approx(seconds, rel=1e-3)
+        found = operating_time(k.c, multiple)
+        measured("error of the operating time", 100 * abs(found / seconds - 1), "%")
+        assert found == pytest.approx(seconds, rel=1e-3)
     for multiple, seconds in zip((0.0, 0.5, 0.9), resets or (), strict=False):
         assert reset_time(k.c, multiple) == pytest.approx(seconds, rel=2e-3)
 
@@ -94,7 +97,13 @@ SEQUENCES = [
 
 @pytest.mark.parametrize(("curve", "multiplier", "first", "second", "last", "seconds"), SEQUENCES)
 def test_a_disc_adds_up_and_turns_back(
-    curve: str, multiplier: float, first: tuple, second: tuple, last: float, seconds: float
+    curve: str,
+    multiplier: float,
+    first: tuple,
+    second: tuple,
+    last: float,
+    seconds: float,
+    measured: Measured,
 ) -> None:
     k = stage(curve, time_multiplier=multiplier, reset="disc")
     spent = 0.0
@@ -102,7 +111,9 @@ def test_a_disc_adds_up_and_turns_back(
         k.step(currents(multiple), count=round(duration * RATE))
         spent += duration
         assert not k.w["operated"].any()
-    assert spent + time_to_operate(k, last) == pytest.approx(seconds, rel=0.01)
+    found = spent + time_to_operate(k, last)
+    measured("error of a disc's sequence", 100 * abs(found / seconds - 1), "%")
+    assert found == pytest.approx(seconds, rel=0.01)
 
 
 def test_definite_time_is_to_the_sample_and_the_start_at_once() -> None:

@@ -8,6 +8,7 @@ import pytest
 from faultloop.errors import InputError
 from faultloop.relay import RelaySettings
 from faultloop.relay.functions.rbrf import RBRF
+from tests.measured import Measured
 from tests.relay.functions.kernel import GIVEN, Kernel
 
 FS, CYCLE = 4800, 96
@@ -54,7 +55,7 @@ def opened(
 @pytest.mark.parametrize("tau_s", [0.03, 0.1])
 @pytest.mark.parametrize("step_deg", [120, pytest.param(30, marks=pytest.mark.slow)])
 def test_the_detector_resets_within_15_ms_with_subsidence_too(
-    rms: float, offset: float, left: float, tau_s: float, step_deg: int
+    rms: float, offset: float, left: float, tau_s: float, step_deg: int, measured: Measured
 ) -> None:
     """At every angle of the beginning; and it does not reset while the current flows."""
     for angle in np.radians(range(0, 360, step_deg)):
@@ -62,6 +63,7 @@ def test_the_detector_resets_within_15_ms_with_subsidence_too(
         on = run(Kernel(RBRF, TABLE | {"backup_ms": 1000.0}), wave) & 1
         assert on[2 * CYCLE : zero - CYCLE // 4].all(), "it flows"
         gone = np.flatnonzero(on)[-1] + 1 - zero
+        measured("reset after the last zero", 1000 * gone / FS, "ms")
         assert gone / FS <= 0.015, (angle, 1000 * gone / FS)
 
 

@@ -13,6 +13,7 @@ from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
 from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.functions.rpsb import RPSB
+from tests.measured import Measured
 from tests.relay import swings
 from tests.relay.functions.kernel import GIVEN
 from tests.relay.network import Network, play, settings_dict
@@ -90,12 +91,13 @@ NEAR_THE_CENTRE = [
 
 @pytest.mark.parametrize(("kind", "at", "degrees", "slip"), NEAR_THE_CENTRE)
 def test_a_fault_that_changes_next_to_nothing_trips_within_60_ms(
-    kind: str, at: float, degrees: float, slip: float
+    kind: str, at: float, degrees: float, slip: float, measured: Measured
 ) -> None:
     """Near 180 degrees the voltage is gone without a fault, too: a loop that stands still tells it."""
     start = 0.3 + (degrees - 20.0) / (360 * slip)
     x = swings.samples(NETWORK, swings.slipping(NETWORK, slip, start + 0.1), kind, at, start)
     [(at_s, _)] = trips(relay(BOXES), x)[:1]
+    measured("trip near the swing's centre", 1000 * (at_s - start), "ms")
     assert start < at_s <= start + 0.060
 
 

@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
 from faultloop.relay import Relay
+from tests.load import load
 from tests.relay.network import play
 
 
 @pytest.fixture(scope="module")
-def bench(root: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("bench_swing_network", root / "bench" / "swing_network.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    before = list(sys.path)
-    sys.path.append(str(root / "bench"))  # last: its can.py is not python-can
-    spec.loader.exec_module(module)
-    sys.path[:] = before
-    return module
+def bench() -> ModuleType:
+    return load("bench/swing_network.py")
 
 
 @pytest.mark.parametrize("case", [2, 4, 8, 13])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import re
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import pytest
 
 import faultloop
 from faultloop.config.toml_text import toml_text
+from tests.load import load
 
 Tables = dict[str, Any]
 ROOT = Path(__file__).resolve().parents[3]
@@ -64,10 +64,7 @@ def test_the_classifier(folder: Path) -> None:
     data["campaign"] |= {"cases": 120, "scenario": "base.toml"}
     out = folder / "fault-type.parquet"
     faultloop.Campaign.from_dict(data, path=folder / "c.toml").run(out, keep=["samples"])
-    place = importlib.util.spec_from_file_location("fault_type_example", ROOT / "examples" / "fault_type.py")
-    assert place is not None and place.loader is not None
-    example = importlib.util.module_from_spec(place)
-    place.loader.exec_module(example)
+    example = load("examples/fault_type.py")
     figures = example.main(str(out))
     assert figures["asked"] == 24
     assert figures["phases"] > 0.5  # of ten types; guessing gives a fifth at best

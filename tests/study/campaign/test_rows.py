@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 import pytest
 
+from tests.load import load
 
-def bench() -> Any:
-    path = Path(__file__).resolve().parents[3] / "bench" / "equality.py"
-    spec = importlib.util.spec_from_file_location("equality_rows_bench", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+
+def bench() -> ModuleType:
+    return load("bench/equality.py")
 
 
 def assert_equal(numbers: range, rows: int, folder: Path, estimators: tuple[str, ...]) -> None:
