@@ -2,10 +2,10 @@
 
     python bench/checks.py [WORD]... [--full]    # lines or files with one of the words
 
-bench/checks.json has, by section and line, a selection of tests: files, folders, FILE::TEST; with
-`-m 'slow or not slow'` before it it is one of full size, which takes minutes and is run with --full alone.  All of them are one run
-of pytest each way.  What tests measure is what they hand to the fixture ``measured``; of each quantity the
-greatest of the line's tests is told.
+bench/checks.json has, by section and line, a selection of tests: files, folders, FILE::TEST.  With
+`-m 'slow or not slow'` before it it is one of full size, which takes minutes and is run with --full alone.
+Each way is one run of pytest.  What tests measure is what they hand to the fixture ``measured``; of each
+quantity the greatest of the line's tests is told.
 """
 
 from __future__ import annotations
