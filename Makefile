@@ -4,7 +4,7 @@ BIN    := $(VENV)/bin
 PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
 
-.PHONY: demo test test-slow lint format docs bench constraints clean
+.PHONY: demo test test-slow lint format docs evidence evidence-long constraints clean
 .DEFAULT_GOAL := demo
 
 $(BIN)/python:
@@ -42,8 +42,12 @@ format: $(VENV)/.dev
 docs: $(VENV)/.docs  ## the site in build/site; needs no network
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-bench: $(VENV)/.test  ## every figure of docs/evidence.md that is a speed
-	for b in bench/*.py; do $(BIN)/python $$b || exit; done
+evidence: $(VENV)/.test  ## the tests of docs/evidence.md, and that page of what they, benches and suites left
+	status=0; $(BIN)/python bench/checks.py || status=$$?; $(BIN)/python docs/evidence.py; exit $$status
+
+evidence-long: $(VENV)/.test  ## its tests of full size, benches and suites as well: hours
+	status=0; $(BIN)/python bench/checks.py --full || status=$$?; $(BIN)/python bench/benches.py || status=$$?; \
+	  $(BIN)/python docs/evidence.py; exit $$status
 
 constraints: $(VENV)/.dev
 	{ echo "# The exact versions that make and .ci/run install (pip -c).  Renew with: make constraints"; \

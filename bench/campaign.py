@@ -1,6 +1,6 @@
 """What a case of a campaign costs, and a `run` without a log, against `run(keep=False)` of an earlier tree.
 
-    python bench/campaign.py [CASES] [--before TREE] [--rounds 3]
+    python bench/campaign.py [CASES] [--before TREE] [--rounds 3] [--keep]
 
 200 ms cases of two relays with the default estimator and the bus model: at one place, at random places, and
 of a network of ten buses with four relays; set-up and warm-up are counted, compilation is not.  Then `run`:
@@ -140,6 +140,7 @@ def main() -> None:
     parser.add_argument("cases", type=int, nargs="?", default=1000)
     parser.add_argument("--before", type=Path, default=ROOT)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--keep", action="store_true", help="leave the figures for docs/evidence.md")
     options = parser.parse_args()
     rows: list[tuple[str, str]] = []
     before: list[float] = []
@@ -171,9 +172,10 @@ def main() -> None:
         )
     for line, figure in rows:
         print(f"{line}: {figure}")
-    from results import keep
+    if options.keep:
+        from results import keep
 
-    keep("Campaigns", rows)
+        keep("Campaigns", rows)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """What the report of a large campaign takes: time, memory, sizes.
 
-    python bench/campaign_report.py [--cases 100000] [--run 400] [--of F.parquet] [--keep FOLDER]
+    python bench/campaign_report.py [--cases 100000] [--run 400] [--of F.parquet] [--folder FOLDER]
 
 `--run` cases are really run; the file of `--cases` cases has their outcomes again and again beside the values
 that each case of that campaign draws: as many rows, places and shots as after a real run; what the relays did
@@ -84,10 +84,10 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=100_000)
     parser.add_argument("--run", type=int, default=400)
     parser.add_argument("--of", type=Path)
-    parser.add_argument("--keep", type=Path, help="folder for the file, page and picture")
+    parser.add_argument("--folder", type=Path, help="folder for the file, page and picture")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = (options.keep or Path(name)).absolute()
+        folder = (options.folder or Path(name)).absolute()
         folder.mkdir(exist_ok=True)
         file = options.of or repeated(options.run, options.cases, folder)
         rows = pq.read_metadata(file).num_rows

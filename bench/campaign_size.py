@@ -1,14 +1,15 @@
 """A large campaign or data set, end to end: time, peak memory of every process, sizes, reading rate.
 
-    python bench/campaign_size.py [CASES] [--workers 2] [--keep samples] [--learn] [--report] [--folder F]
+    python bench/campaign_size.py [CASES] [--workers 2] [--waves samples] [--learn] [--report]
+                                  [--folder F] [--keep]
 
     python bench/campaign_size.py 1000000 --report            # a million cases in one go, and their report
-    python bench/campaign_size.py 100000 --keep samples --learn   # a data set, and the classifier's example
+    python bench/campaign_size.py 100000 --waves samples --learn   # a data set, and the classifier's example
     python bench/campaign_size.py --plan 1000000              # the plan alone, and `check`
 
 200 ms cases of two relays with the default estimator and the bus model, anywhere on the line; with
-``--learn`` cases of campaigns/fault-type.toml, on which examples/fault_type.py is then trained.  The figures
-go to bench/results.
+``--learn`` cases of campaigns/fault-type.toml, on which examples/fault_type.py is then trained.  ``--keep``
+leaves the figures.
 """
 
 from __future__ import annotations
@@ -177,9 +178,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("cases", type=int, nargs="?", default=2000)
     parser.add_argument("--workers", default=str(os.cpu_count()))
-    parser.add_argument("--keep", default="")
+    parser.add_argument("--waves", default="", help="what of each case is kept")
+    parser.add_argument("--keep", action="store_true", help="leave the figures for docs/evidence.md")
     parser.add_argument("--report", action="store_true")
-    parser.add_argument("--learn", action="store_true", help="with --keep samples")
+    parser.add_argument("--learn", action="store_true", help="with --waves samples")
     parser.add_argument("--plan", type=int)
     parser.add_argument("--folder", type=Path, help="where the files stay; a temporary one where not given")
     options = parser.parse_args()
@@ -192,18 +194,21 @@ def main() -> None:
         path, out = folder / "campaign.toml", folder / "c.parquet"
         made = fault_types(options.cases) if options.learn else tables(options.cases)
         path.write_text(toml_text(made), encoding="utf-8")
-        keep = ["--keep", options.keep] if options.keep else []
-        watch = Watch(command("campaign", str(path), "--out", str(out), "--workers", options.workers, *keep))
+        waves = ["--keep", options.waves] if options.waves else []
+        watch = Watch(command("campaign", str(path), "--out", str(out), "--workers", options.workers, *waves))
         rate, size = 3600 * options.cases / watch.wall_s, out.stat().st_size
         assert pq.read_metadata(out).num_rows == options.cases
-        what = f"{options.cases} cases{', with ' + options.keep if keep else ''}, {options.workers} workers"
+        what = (
+            f"A campaign of {options.cases} cases{', with ' + options.waves if waves else ''}, end to end, "
+        )
+        what += f"{options.workers} workers"
         file = f"{size / 1e6:.1f} MB, {size / options.cases:.0f} bytes a case"
         rows = [(what, f"{watch.told()}; {rate:,.0f} an hour; file of {file}")]
-        if options.keep:
-            waves = out.with_suffix(".waves")
-            mb, files = folder_mb(waves), len(list(waves.iterdir()))
+        if options.waves:
+            kept = out.with_suffix(".waves")
+            mb, files = folder_mb(kept), len(list(kept.iterdir()))
             told = f"{mb:.0f} MB in {files} files, {1e3 * mb / options.cases:.1f} kB a case"
-            rows.append((f"Waves of {options.cases} cases", f"{told}; {read_back(waves, options.cases)}"))
+            rows.append((f"Waves of {options.cases} cases", f"{told}; {read_back(kept, options.cases)}"))
         if options.learn:
             rows.append((f"Classifier of {options.cases} cases, beside PHS", learned(out)))
         if options.report:
@@ -212,10 +217,10 @@ def main() -> None:
             rows.append((f"Report of {options.cases} rows, page and picture", page.told()))
     for line, figure in rows:
         print(f"{line}: {figure}")
-    from results import leave, row
+    if options.keep:
+        from results import keep
 
-    shown = " ".join(["python bench/campaign_size.py", *sys.argv[1:]])
-    leave("campaign_size", [row("Campaigns", line, shown, figure) for line, figure in rows], beside=True)
+        keep("Campaigns", rows, beside=True)
 
 
 if __name__ == "__main__":

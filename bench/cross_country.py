@@ -143,11 +143,11 @@ def main() -> None:
         t = start_ms(case)
         times.append(t)
         if t == t if given.what != "on-line" else not 0.0 < t < SOON_MS:
-            print(f"{t:7.1f} ms", case, flush=True)
+            print(f"    {t:7.1f} ms", case, flush=True)
     t = np.array(times)
     early, late = int((t < 0).sum()), int((t >= SOON_MS).sum())
-    print(f"{given.what}, seed {given.seed}, {given.cases} cases: started {np.isfinite(t).sum()}, before the")
-    print(f"  second {early}, later than {SOON_MS:g} ms {late}, never {np.isnan(t).sum()}")
+    print(f"{given.what}, seed {given.seed}, {given.cases} cases: started {np.isfinite(t).sum()},")
+    print(f"  before the second {early}, later than {SOON_MS:g} ms {late}, never {np.isnan(t).sum()}")
     if given.what == "on-line":
         soon = t[(t > 0) & (t < SOON_MS)]
         print(

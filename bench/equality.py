@@ -1,7 +1,7 @@
 """A campaign's row, its case, `run` and the log of `run` say the same: random scenarios of all kinds.
 
     python bench/equality.py [CASES] [--seed N] [--first N] [--rows N] [--seconds S] [--workers N]
-        [--results FILE]
+        [--results FILE] [--keep]
 
 Scenarios are drawn, and of each a campaign of N rows (20), so many that there are CASES rows (10,000).  Each
 scenario is run three times: by `faultloop.run` with a log, by `run` without one and with nothing kept from
@@ -10,8 +10,9 @@ load, locations: to the nanosecond and bit.  The campaign varies it (each second
 is, so that its cases go on from each other's beginning), and each row, as it is read back from the Parquet
 file, is what `run` of that case, begun with nothing kept, and its log say.
 
-What each scenario came to is a line of FILE (bench/results/equality.jsonl), and is not run again: the same
-command goes on.  At the end it tells how many rows had what in them, and each difference, with status 3.
+What each scenario came to is a line of FILE (in logs/, named by the sources of the loop), and is not run
+again: the same command goes on.  At the end it tells how many rows had what in them, and each difference,
+with status 3.
 """
 
 # ruff: noqa: E402
@@ -41,12 +42,14 @@ import pyarrow.parquet as pq
 
 import faultloop
 from faultloop.config.toml_text import toml_text
+from faultloop.jit import source_digest
 from faultloop.loop.case import Cases, give_back
 from faultloop.loop.outcome import Cast, Fold, TripReport, outcome_of
 from faultloop.loop.scenario import Scenario
 from faultloop.relay import RelaySettings
 
-SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+ROOT = Path(__file__).resolve().parents[1]
+SCENARIOS, LINES = ROOT / "scenarios", ROOT / "logs" / f"equality-{source_digest('loop')[:12]}.jsonl"
 BASE = tomllib.loads((SCENARIOS / "ag-zone1.toml").read_text(encoding="utf-8"))
 TYPES = ("AG", "BG", "CG", "AB", "BC", "CA", "ABG", "BCG", "CAG", "ABC", "ABCG")
 ESTIMATORS = ("kalman-bank", "fourier", "half-fourier", "cosine", "rls")
@@ -382,7 +385,8 @@ def main() -> int:
     parser.add_argument("--rows", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=math.inf)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
-    parser.add_argument("--results", type=Path, default=Path(__file__).parent / "results" / "equality.jsonl")
+    parser.add_argument("--results", type=Path, default=LINES)
+    parser.add_argument("--keep", action="store_true", help="leave the figures for docs/evidence.md")
     options = parser.parse_args()
     until_s = time.monotonic() + options.seconds
     count = -(-options.cases // max(options.rows, 1))
@@ -414,7 +418,7 @@ def main() -> int:
             future.cancel()
     whole, content = told(lines)
     print(f"{whole}, seed {options.seed}: log, run, case and row are compared; rows with {content}")
-    if len(lines) == count:
+    if options.keep and len(lines) == count:
         from results import keep
 
         keep(

@@ -293,7 +293,7 @@ def main() -> None:
         if not np.isnan(ms):
             times.append(ms)
         if verdict != "right" or (given.what == "swing-fault" and ms > LIMIT_MS):
-            print(f"case {case}: {verdict}, {ms:.1f} ms")
+            print(f"    case {case}: {verdict}, {ms:.1f} ms")
     print(f"{given.what}, {given.cases} cases, seed {given.seed}, {given.method}: {dict(verdicts)}")
     if times:
         late = np.array(times)

@@ -82,7 +82,7 @@ def main() -> None:
             bad = (said.direction == -true).any() or (outside and said.zones[:, 0].any())
             if bad and sum(counts[key] for key in counts if key[3] == "told") < 25:
                 counts[*group, "told"] += 1
-                print(number, group, fault, inverter, network, said.zones.any(0))
+                print("   ", number, group, fault, inverter, network, said.zones.any(0))
     print(f"{given.cases} cases, seed {given.seed}, {'plain' if given.plain else 'set for inverters'}")
     for group in sorted({key[:3] for key in counts}):
         print(*group, {key[3]: n for key, n in counts.items() if key[:3] == group and key[3] != "told"})

@@ -98,16 +98,16 @@ def main() -> None:
             for kind, page in pages.items():
                 found[kind].append(measured(folder, page))
         load = f"at a load of {os.getloadavg()[0]:.0f} on {os.cpu_count()} cores"
-        openings = f"{given.times} openings, {load}; median (greatest)"
-        title = f"Page of `{given.log.stem}` in Chromium, 1280 px, {openings}"
-        print(title)
+        openings = f"{given.times} openings, {load}, median (greatest)"
+        title = f"Page of `{given.log.stem}` in Chromium, 1280 px: size, time to open, zoom, cursor"
+        print(f"{title}: {openings}")
         told = {kind: told_of(page, found[kind]) for kind, page in pages.items()}
         for kind, text in told.items():
             print(f"{kind}: {text}")
         if given.keep:
             keep(
                 "A run explains itself",
-                [(title, "; ".join(f"{kind}: {text}" for kind, text in told.items()))],
+                [(title, "; ".join([openings, *(f"{kind}: {text}" for kind, text in told.items())]))],
             )
 
 

@@ -143,7 +143,7 @@ def main() -> None:
             times.append(ms)
         counts[verdict] += 1
         if verdict != "right":
-            print(f"case {case}: {verdict}, {ms:.1f} ms, {data.get('fault')}")
+            print(f"    case {case}: {verdict}, {ms:.1f} ms, {data.get('fault')}")
     print(f"{given.kind}, VT {given.vt}, {given.cases} cases, seed {given.seed}: {dict(counts)}")
     if times:
         shown = ", ".join(f"{p} % {np.percentile(times, p, method='lower'):.1f}" for p in (50, 95, 99))
