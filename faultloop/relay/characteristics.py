@@ -94,7 +94,7 @@ def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex
         if size2(i2) < g.minimum_unbalance**2 * size2(i1):
             return 3 * i0, 1.5 * i0
         return negative, 1.5 * (negative + i0)
-    if q.memory.age <= g.memory:
+    if q.memory.age <= g.memory and not q.slides:
         change = q.d[3 + FIRST[loop]] - q.d[3 + SECOND[loop]]
         return change, change
     if q.fault != 7:

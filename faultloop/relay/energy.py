@@ -35,6 +35,8 @@ LEAST = 0.02
 """Of the apparent energy, sqrt(integral dv^2 dt integral di^2 dt): less is no sign."""
 DISTINCT = 4.0
 """How much greater the excursion to one side must be than the one to the other."""
+STAYS_CYCLES = 4
+"""After so long a direction stays: sources that slip in the fault have gone away from the reference."""
 
 POWER, VOLTAGE2, CURRENT2 = range(3)
 ENERGY = np.dtype(
@@ -42,7 +44,7 @@ ENERGY = np.dtype(
         ("now", "f8", (3,)),  # sums over samples of dv di, dv^2, di^2
         ("before", "f8", (3,)),  # in quiet: those of the half cycle before
         ("count", "i8"),
-        ("following", "i8"),  # a disturbance
+        ("following", "i8"),  # samples of a disturbance
         ("lowest", "f8"),  # excursion of the power's sum since the disturbance began
         ("highest", "f8"),
         ("direction", "i8"),  # 1 forward, -1 reverse, 0 not known
@@ -82,11 +84,13 @@ def rest(g: Record, e: Record, ready: bool) -> None:
 
 
 @njit
-def follow(e: Record) -> None:
+def follow(g: Record, e: Record) -> None:
     """In a disturbance: excursions and direction."""
     if not e.following:
-        e.following = 1
         e.lowest = e.highest = 0.0
+    e.following += 1
+    if e.direction and e.following > STAYS_CYCLES * g.cycle:
+        return
     energy = e.before[POWER] + e.now[POWER]
     apparent = math.sqrt((e.before[VOLTAGE2] + e.now[VOLTAGE2]) * (e.before[CURRENT2] + e.now[CURRENT2]))
     e.lowest = min(e.lowest, energy)

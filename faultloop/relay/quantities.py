@@ -150,6 +150,7 @@ QUANTITIES = np.dtype(
         ("direction", "i8"),  # RDIR: 1 forward, -1 reverse, 0 unknown
         ("polarizing", "c16"),  # RDIR: positive-sequence polarizing voltage, while disturbed
         ("swing_fault", "i8"),  # RPSB: a fault in a swing: 1; its change no longer known: 2, balanced 3
+        ("slides", "i8"),  # RPSB: the sources have begun to slip in this fault, and with them the reference
         ("standing", "i8"),  # RPSB: mask of loops that stand still in a swing, as a piece of the line
         ("fuse_failure", "i8"),  # TVTR: the voltages cannot be relied on
         ("blocked_loops", "i8"),  # * mask of loops that no distance zone may use
@@ -374,7 +375,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     q.dead = 7 & ~q.closed
     if q.disturbed:
         q.dead |= dead_poles(g, q)
-        energy.follow(q.energy)
+        energy.follow(g, q.energy)
         for k in range(6):
             q.d[k] = q.x[k] - q.memory.reference[k]
         sequences(q.d, q.change)

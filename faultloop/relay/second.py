@@ -92,4 +92,4 @@ def follow(g: Record, q: Record, turn: complex) -> None:
         return
     s.active = 1
     s.age += 1
-    energy.follow(s.energy)
+    energy.follow(g, s.energy)

@@ -120,6 +120,15 @@ def fit(g: Record, m: Record, t: Record, lag: int) -> None:
 
 
 @njit
+def stay(q: Record, t: Record) -> None:
+    """A reference that is what there is now, and does not slip."""
+    for k in range(6):
+        t.centre[k] = q.x[k]
+        t.radius[k] = 0.0
+    t.turn = t.per_sample = t.frame = complex(1.0, 0.0)
+
+
+@njit
 def follow(m: Record, t: Record) -> None:
     """One sample on: the reference is where the swing would be.  (The fit's snapshot is the sample's own.)"""
     for k in range(6):

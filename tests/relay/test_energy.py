@@ -7,13 +7,13 @@ import numpy as np
 from faultloop.relay.energy import ENERGY, follow
 
 
-def given(steps: list[tuple[float, float]]) -> list[int]:
+def given(steps: list[tuple[float, float]], cycle: int = 96) -> list[int]:
     """The direction after each of ``steps``: energy so far, and what voltage and current allow so far."""
-    e = np.zeros(1, ENERGY)
+    e, g = np.zeros(1, ENERGY), np.array([(cycle,)], [("cycle", "i8")])
     found = []
     for energy, apparent in steps:
         e["now"][0] = energy, apparent, apparent
-        follow(e[0])
+        follow(g[0], e[0])
         found.append(int(e["direction"][0]))
     return found
 
@@ -33,3 +33,9 @@ def test_a_sign_stays_while_what_is_given_comes_back() -> None:
 
 def test_it_is_given_up_where_the_other_side_gets_as_much() -> None:
     assert given([(1.0, 2.0), (-0.3, 40.0), (-3.0, 60.0), (-5.0, 80.0)]) == [-1, 0, 0, 1]
+
+
+def test_it_stays_after_four_cycles() -> None:
+    """Sources that slip in the fault have gone away from the reference by then."""
+    assert given([(1.0, 2.0)] * 5 + [(-3.0, 60.0), (-5.0, 80.0)], cycle=1) == [-1] * 7
+    assert given([(0.0, 2.0)] * 5 + [(-3.0, 60.0)], cycle=1) == [0] * 5 + [1]

@@ -318,6 +318,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     if q.swing_fault > swing.YOUNG:
         forget(w)
         select_in_swing(g, q, w)
+    elif q.slides and w.fault:
+        pass  # another type than before is the swing's
     elif q.disturbed and not q.swing_fault:
         select(g, q, c, w)
     else:

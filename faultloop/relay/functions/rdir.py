@@ -20,9 +20,11 @@ enter it, and it is greatest where the loop's own voltage is zero.  So the measu
   and each is weighted by its current, so that a transient's share of negative sequence does not decide;
 - then over the negative sequence alone, which needs no memory; where it is too small beside load, over the
   zero sequence with the line's Z0;
-- for a balanced fault that lasts longer, the positive-sequence voltage, with a fifth of the remembered one
-  mixed in so that it never vanishes, against the current: forward within -15 .. 115 degrees, reverse
-  opposite.  When the memory has faded and no voltage is left, the last direction stands.
+- for a balanced fault that lasts longer, the positive-sequence voltage, for the first four cycles with a
+  fifth of the remembered one mixed in so that it does not vanish, against the current: forward within
+  -15 .. 115 degrees, reverse opposite.  Later the sources may have slipped since, and what is remembered says
+  nothing against a direction: where no voltage is left the last one stands, and so it does, as the type of
+  the fault, once they are seen to slip (RPSB).
 
 Inverters.  All of this takes the network on the other side of the fault for passive, with voltages of its own
 that stay; a converter is neither, and the angle of what it feeds is its control's.  But it feeds little.  A
@@ -48,7 +50,7 @@ from pydantic import Field, model_validator
 from faultloop.config.tables import Milliseconds, Positive, Table
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.relay.energy import POWER
+from faultloop.relay.energy import POWER, STAYS_CYCLES
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import positive_sequence, size2, weight
 from faultloop.relay.quantities import Record, indicate
@@ -146,7 +148,7 @@ def polarizing_voltage(g: Record, q: Record) -> complex:
     m = q.memory
     v1 = q.sequence[1]
     remembered = positive_sequence(m.reference)
-    if q.swing_fault:
+    if q.swing_fault or q.slides:
         return v1  # the one before has moved
     if m.age <= g.memory:
         return remembered
@@ -215,7 +217,7 @@ def in_swing(g: Record, q: Record, c: Record) -> int:
 
 
 @njit
-def indication(g: Record, q: Record, c: Record) -> int:
+def indication(g: Record, q: Record, c: Record, w: Record) -> int:
     """What this sample says: 1 forward, -1 reverse, 0 nothing, 2 as before."""
     if q.swing_fault:
         return in_swing(g, q, c)
@@ -236,6 +238,8 @@ def indication(g: Record, q: Record, c: Record) -> int:
     if size2(i1) < g.minimum_current**2 / 4:
         return 0
     v = (1 - MEMORY_SHARE) * v1 + MEMORY_SHARE * q.polarizing
+    if w.direction and q.memory.age > STAYS_CYCLES * g.cycle:
+        v = v1  # the sources may have slipped since: what they were says nothing against what was decided
     if size2(v) > 0.01**2 * size2(positive_sequence(q.memory.reference)):
         return by_sector(c, v, i1)
     return AS_BEFORE
@@ -314,7 +318,9 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
         agree(w)
         w.direction = c.away if fed and q.fault else 0
         return
-    candidate = indication(g, q, c)
+    if q.slides and w.direction:
+        return
+    candidate = indication(g, q, c, w)
     if candidate == AS_BEFORE:
         return
     w.count = w.count + 1 if candidate == w.candidate else 1

@@ -85,6 +85,8 @@ fault's clearing, perhaps, so far: another fault in its place would stand still.
 OPERATED_CYCLES = 5
 SLOWER, SLOWEST = 0.5, 0.01
 """Of the swing's pace, and a way of half a cycle: what has jumped and moves faster does not stand."""
+SLIDES, SLIDES_CYCLES = 0.02, 1
+"""Way of half a cycle, and for so long steadily, later than a leap's: sources that slip in a fault."""
 FASTER = 1.2
 """Times its pace: no swing gains more within a cycle."""
 FAINT = 1 / 3
@@ -154,6 +156,8 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
     steady = moves and bent <= STEADY * w.speed
     w.steady = w.steady + g.snapshot if steady else 0
     w.way = w.way + w.speed / lag if steady else 0.0
+    slides = w.speed >= SLIDES and bent <= STEADY * w.speed and q.memory.age > LEAP_CYCLES * g.cycle
+    w.slid = w.slid + g.snapshot if slides and q.disturbed else 0
     w.rest = 0 if 4 * w.steady >= g.cycle else w.rest + g.snapshot
     between = moves and w.in_outer and not w.in_inner
     w.between = w.between + g.snapshot if between else 0
@@ -168,6 +172,23 @@ def observe(g: Record, q: Record, c: Record, w: Record) -> None:
 def leaps(g: Record, q: Record, w: Record) -> bool:
     """Whether what moves is a fault's: it began with a leap, and not long ago."""
     return w.leapt and q.disturbed and q.memory.age <= LEAP_CYCLES * g.cycle
+
+
+@njit
+def slide(g: Record, q: Record, w: Record) -> None:
+    """One sample of a disturbance in which no swing has been found: whether sources slip in it."""
+    if w.state != QUIET or not q.disturbed:
+        w.slides = w.told = 0
+        return
+    w.slides |= w.slid >= SLIDES_CYCLES * g.cycle
+    w.told |= w.unbalanced > g.cycle
+    w.silent = 0 if w.unbalanced else w.silent + 1
+
+
+@njit
+def is_left(g: Record, w: Record, fresh: bool) -> bool:
+    """Whether a fault in which sources slip has gone, or has become another one."""
+    return w.slides and ((fresh and w.quick > CLEARED) or (w.told and 8 * w.silent >= g.cycle))
 
 
 @njit
@@ -284,6 +305,11 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
             q.notices += 1
         elif w.outside > c.hold and w.rest > c.hold:
             end(g, q, w)
+    elif w.state == QUIET and is_left(g, w, fresh):
+        w.state, w.cause = FAULT, UNBALANCED  # perhaps: it is looked at anew
+        w.age = w.steady = w.between = w.silent = w.apart = w.told = w.slides = 0
+        swing.stay(q, w.track)
+        q.notices += 1
     elif fresh and not (w.state == QUIET and leaps(g, q, w)) and is_swing(c, q, w):
         resume(g, w)
         w.pace = w.speed
@@ -364,7 +390,9 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     w.unbalanced = w.unbalanced + 1 if unbalanced and q.closed == ALL_POLES else 0
     if fresh:
         observe(g, q, c, w)
+    slide(g, q, w)
     next_state(g, q, c, w, fresh)
+    q.slides = w.slides
     out_of_step(g, q, c, w)
     if w.state == SWINGING:
         w.recent = c.hold
@@ -450,6 +478,8 @@ RPSB = Function(
         ("pace", "f8"),  # the swing's own
         ("steady", "i8"),  # samples of steady motion
         ("way", "f8"),  # on the sphere, meanwhile
+        ("slid", "i8"),  # samples of steady motion in a disturbance, balanced or not ...
+        ("slides", "i8"),  # ... which has been one of sources that slip
         ("rest", "i8"),  # samples since it last moved steadily
         ("between", "i8"),  # samples between the boxes
         ("stood", "i8"),  # samples that a loop stands still

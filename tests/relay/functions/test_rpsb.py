@@ -194,6 +194,45 @@ def test_no_zone_takes_the_swing_after_a_fault_for_a_three_phase_fault(
 
 
 @pytest.mark.parametrize(
+    ("near", "far", "kind", "at", "resistance", "degrees", "rate", "stands_s"),
+    [
+        (1.1998, 0.2561, "BCG", 0.9323, 0.0, -22.2, 82.0, 0.193),  # BC was AB after 156 ms
+        (2.0595, 1.5968, "CAG", -1.0, 0.0, -28.9, 92.0, 0.163),  # the energy's sign turned ...
+        (1.6835, 0.5895, "ABCG", -1.0, 0.0, -31.7, 82.0, 0.167),  # ... though V1 / I1 stays at zero
+        (2.4485, 1.0533, "ABC", -1.0, 0.0, -34.3, 102.0, 0.183),  # that remembered was of the other side
+        (0.6193, 0.5550, "BCG", 0.9268, 3.94, -23.2, 39.9, 0.174),  # the change was a current of no fault
+    ],
+)
+def test_sources_that_slip_in_a_fault_outside_make_none_inside(
+    near: float,
+    far: float,
+    kind: str,
+    at: float,
+    resistance: float,
+    degrees: float,
+    rate: float,
+    stands_s: float,
+) -> None:
+    """The reference from before turns away from them: after 100 ms the change is that of a swing."""
+    t = np.arange(5300) / 4800 - 0.31
+    gone = np.maximum(t - stands_s, 0.0)
+    angle = 0.5 * rate * np.clip(t, 0.0, stands_s) ** 2 + rate * stands_s * gone
+    angle = degrees + np.copysign(1.0, degrees) * np.degrees(angle)
+    network = behind_and_ahead(near, far)
+    x = swings.samples(network, angle, kind, at, 0.31, resistance=resistance, end_s=0.31 + stands_s)
+    assert trips(relay(BOXES), x) == []
+
+
+def test_a_fault_at_the_centre_stands_while_it_draws_no_current() -> None:
+    """The swing's centre goes through its place 45 ms after it has begun: I2 and I0 are gone for 12 ms."""
+    start = 0.7956391662
+    angle = swings.slipping(NETWORK, 2.725, start + 0.1, load_deg=20.0)
+    x = swings.samples(behind_and_ahead(0.9100643, 1.5426869), angle, "BG", 0.7839762269, start)
+    [(at_s, _)] = trips(relay(BOXES), x)[:1]
+    assert start < at_s <= start + 0.060
+
+
+@pytest.mark.parametrize(
     ("near", "far", "slip", "load_deg", "kind", "start_s"),
     [
         # as it went one pair stood still for a moment, and was a fault ahead
