@@ -45,7 +45,7 @@ docs: $(VENV)/.docs  ## the site in build/site; needs no network
 evidence: $(VENV)/.test  ## the tests of docs/evidence.md, and that page of what they, benches and suites left
 	status=0; $(BIN)/python bench/checks.py || status=$$?; $(BIN)/python docs/evidence.py; exit $$status
 
-evidence-long: $(VENV)/.test  ## its tests of full size, benches and suites as well: hours
+evidence-long: $(VENV)/.test $(VENV)/.docs  ## its tests of full size, benches and suites as well: hours
 	status=0; $(BIN)/python bench/checks.py --full || status=$$?; $(BIN)/python bench/benches.py || status=$$?; \
 	  $(BIN)/python docs/evidence.py; exit $$status
 

@@ -26,6 +26,8 @@ def main() -> int:
         command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", name]
         own = os.environ | {"NO_MKDOCS_2_WARNING": "1", "PYTHONPATH": str(ROOT)}
         done = subprocess.run(command, cwd=ROOT, env=own, capture_output=True, text=True, check=False)
+        if not any(Path(name).iterdir()):
+            raise SystemExit(done.stderr.strip() or "nothing was built")  # mkdocs is in the extra `docs`
         warned = [line for line in done.stderr.splitlines() if line.startswith(("WARNING", "ERROR"))]
         usage = resource.getrusage(resource.RUSAGE_CHILDREN)
         folder = Path(name)
