@@ -177,7 +177,10 @@ def leaps(g: Record, q: Record, w: Record) -> bool:
 @njit
 def slide(g: Record, q: Record, w: Record) -> None:
     """One sample of a disturbance in which no swing has been found: whether sources slip in it."""
-    if w.state != QUIET or not q.disturbed:
+    if w.state != QUIET:  # ``told`` is then that of a fault in the swing
+        w.slides = 0
+        return
+    if not q.disturbed:
         w.slides = w.told = 0
         return
     w.slides |= w.slid >= SLIDES_CYCLES * g.cycle
