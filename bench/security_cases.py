@@ -197,9 +197,9 @@ def tables(case: dict[str, Any], antialias_hz: float, order: int) -> dict[str, A
     }
 
 
-def record(case: dict[str, Any], antialias_hz: float) -> tuple[np.ndarray, int]:
+def record(case: dict[str, Any], antialias_hz: float, order: int = 2) -> tuple[np.ndarray, int]:
     """(2, n, 6) samples of both relays, and the number of the first one of the fault."""
-    plant = Plant(scenario(case, antialias_hz))
+    plant = Plant(scenario(case, antialias_hz, order))
     rate = case["sampling"]
     warm = WARM_CYCLES * rate // case["f0"]
     total = round(DURATION_S * rate)

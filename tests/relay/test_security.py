@@ -156,24 +156,39 @@ def test_drawn_networks() -> None:
     assert judged > 40
 
 
+def drawn_fault(
+    seed: int, number: int, fault: int, end: int, order: int = 2
+) -> tuple[Relay, np.ndarray, tuple[str, bool]]:
+    """A case of bench/security.py as one of its relays sees it, to 50 ms after the fault; where the fault is, and
+    whether bolted."""
+    cases = _cases()
+    case = cases.another(cases.draw(seed, number, "mixed"), fault)
+    samples, start = cases.record(case, 1500.0, order)
+    line, length = case["line"], case["length"]
+    z1, z0 = ([line[f"{part}{n}_ohm_per_km"] * length for part in "rx"] for n in (1, 0))
+    head = {"frequency_hz": case["f0"], "nominal_kv": case["kv"]}
+    seen = cases.view(case, end)
+    relay = relay_with(head, z1, z0, [{"zone": 1, "reach_pu": 0.8}])
+    return relay, samples[end][: start + 240], (seen.where, seen.bolted)
+
+
 @pytest.mark.parametrize(("number", "fault", "end"), [(4, 25, 1), (152, 19, 1), (630, 33, 0)])
 def test_a_resistive_fault_beyond_that_the_phasors_pass_zone_1_on_their_way_to(
     number: int, fault: int, end: int
 ) -> None:
     """Behind 38 to 55 times the line, through 3 to 6 % of it: the fit has a resistance then that the
     characteristic does not let in (before: zone 1 after 16 to 21 ms)."""
-    cases = _cases()
-    case = cases.another(cases.draw(71001, number, "mixed"), fault)
-    samples, start = cases.record(case, 1500.0)
-    seen = cases.view(case, end)
-    assert seen.where == "beyond"
-    assert not seen.bolted
-    line, length = case["line"], case["length"]
-    z1, z0 = ([line[f"{part}{n}_ohm_per_km"] * length for part in "rx"] for n in (1, 0))
-    relay = relay_with(
-        {"frequency_hz": case["f0"], "nominal_kv": case["kv"]}, z1, z0, [{"zone": 1, "reach_pu": 0.8}]
-    )
-    assert not picked_up(relay, samples[end][: start + 240])
+    relay, samples, seen = drawn_fault(71001, number, fault, end)
+    assert seen == ("beyond", False)
+    assert not picked_up(relay, samples)
+
+
+def test_a_line_beside_the_faulted_one_that_rings_more_than_it_changes() -> None:
+    """256 km, ABC: the energy has lost its sign when phasors that ring say the other direction (before: zone 1
+    after 26 ms)."""
+    relay, samples, seen = drawn_fault(80001, 1944, 22, 1, order=4)
+    assert seen == ("parallel", True)
+    assert not picked_up(relay, samples)
 
 
 # ---------------------------------------------------------------- the fit of the loop
