@@ -159,8 +159,8 @@ def test_drawn_networks() -> None:
 def drawn_fault(
     seed: int, number: int, fault: int, end: int, order: int = 2
 ) -> tuple[Relay, np.ndarray, tuple[str, bool]]:
-    """A case of bench/security.py as one of its relays sees it, to 50 ms after the fault; where the fault is, and
-    whether bolted."""
+    """A case of bench/security.py as one of its relays sees it, to 50 ms after the fault; where the fault is,
+    and whether bolted."""
     cases = _cases()
     case = cases.another(cases.draw(seed, number, "mixed"), fault)
     samples, start = cases.record(case, 1500.0, order)
@@ -184,8 +184,8 @@ def test_a_resistive_fault_beyond_that_the_phasors_pass_zone_1_on_their_way_to(
 
 
 def test_a_line_beside_the_faulted_one_that_rings_more_than_it_changes() -> None:
-    """256 km, ABC: the energy has lost its sign when phasors that ring say the other direction (before: zone 1
-    after 26 ms)."""
+    """256 km, ABC: the energy has lost its sign when phasors that ring say the other direction (before: zone
+    1 after 26 ms)."""
     relay, samples, seen = drawn_fault(80001, 1944, 22, 1, order=4)
     assert seen == ("parallel", True)
     assert not picked_up(relay, samples)

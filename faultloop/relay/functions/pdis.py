@@ -59,11 +59,11 @@ HYSTERESIS = 1.05
 FALLS = 12.0
 """How much a sample outside takes from what those inside have counted: as much as one deep inside."""
 EARLY, YOUNG, DOUBT, STAYS = 8.0, 4.0, 2.0, 0.5
-"""How much what the fit leaves counts against the depth: behind a transformer that is not known to be ideal, and
-while samples from before the fault are in its window, which means smooth over; in the first cycle inside; then, and the part of it that does however long it
-is inside.  Two means leave half of what one does of noise, and the depth is no
-better for it: with 2 one of 56 faults on the parallel line was inside at first (bench/security.py, seed 4711,
-case 28)."""
+"""How much what the fit leaves counts against the depth: behind a transformer that is not known to be ideal,
+and while samples from before the fault are in its window, which means smooth over; in the first cycle inside;
+then, and the part of it that does however long it is inside.  Two means leave half of what one does of noise,
+and the depth is no better for it: with 2 one of 56 faults on the parallel line was inside at first
+(bench/security.py, seed 4711, case 28)."""
 BY_PHASORS = 0.0
 POINTS = 73
 
