@@ -33,7 +33,11 @@ PROTO_TYPES = {
 FIXED64 = 1  # protobuf wire type of double and fixed64
 TIMESTAMP = "google/protobuf/timestamp.proto"
 
-# Sequence number to timestamp: equal in the four records of one sample, so built once and copied.
+Records = Any
+"""An array of records, as a kernel sees it."""
+SECOND_NS = 1_000_000_000
+
+# Sequence number to timestamp.
 HEAD = np.dtype(
     [
         ("sequence", "<u4"),
@@ -138,27 +142,35 @@ def row_template(channels: Iterable[int]) -> np.ndarray:
         record["opcode"] = Opcode.MESSAGE
         record["length"] = record.dtype.itemsize - 9
         record["channel"] = channel
+        record["head"]["stamp"], record["head"]["nanos_tag"] = STAMP_TAGS, NANOS_TAG
         record["body"]["tag"] = tags(message)
     return row
 
 
-def heads(sequence: np.ndarray, log_ns: np.ndarray) -> np.ndarray:
-    """Heads of the records at ``log_ns`` [ns since 1970, int64]."""
-    head = np.empty(len(log_ns), HEAD)
-    head["sequence"] = sequence
-    head["log_time"] = head["publish_time"] = log_ns
-    head["stamp"] = STAMP_TAGS
-    head["nanos_tag"] = NANOS_TAG
-    seconds, nanos = np.divmod(log_ns, 1_000_000_000)
-    _put_varint(head["seconds"], seconds)
-    _put_varint(head["nanos"], nanos)
-    return head
+@njit
+def put_heads(head: Records, first: int, t_ns: NDArray[np.int64], start_ns: int) -> None:
+    """The heads (``HEAD``) of one message's records in rows that are the template's: numbered from ``first``
+    on, at ``t_ns`` after ``start_ns`` [ns since 1970]."""
+    for row in range(t_ns.shape[0]):
+        log_ns = start_ns + t_ns[row]
+        seconds = log_ns // SECOND_NS
+        nanos = log_ns - SECOND_NS * seconds
+        own = head[row]
+        own.sequence = first + row
+        own.log_time = log_ns
+        own.publish_time = log_ns
+        for byte in range(5):  # varints, padded: all but the last byte carry the continuation bit
+            more = 0x80 if byte < 4 else 0
+            own.seconds[byte] = (seconds >> (7 * byte)) & 0x7F | more
+            own.nanos[byte] = (nanos >> (7 * byte)) & 0x7F | more
 
 
-def _put_varint(out: np.ndarray, values: np.ndarray) -> None:
-    """Five-byte varints, padded: all but the last byte carry the continuation bit."""
-    for byte in range(5):
-        out[:, byte] = (values >> (7 * byte)) & 0x7F | (0x80 if byte < 4 else 0)
+@njit
+def put_values(body: NDArray[np.uint64], values: NDArray[np.uint64]) -> None:
+    """Eight-byte values (n, k) into as many fields of one message's records."""
+    for row in range(values.shape[0]):
+        for field in range(values.shape[1]):
+            body[row, field] = values[row, field]
 
 
 @cache
