@@ -10,7 +10,7 @@ import pytest
 import faultloop
 from faultloop.cli import call
 from faultloop.errors import InputError
-from faultloop.io.mcap_reader import open_log
+from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.review.locate import locate
 from tests.measured import Measured
@@ -42,12 +42,38 @@ def test_a_fault_is_where_the_plant_applied_it(
     apart = locate(log, log, ("RA", "RB"), synchronised=False)
     measured("error without a common clock", 100 * abs(apart.part - at), "% of the line")
     assert apart.part == pytest.approx(at, abs=0.01)
+    assert both.second_mismatch == pytest.approx(0, abs=0.01)
+    assert apart.second_mismatch == pytest.approx(0, abs=0.03)  # no word
     assert locate(log, log, ("RB", "RA")).part == pytest.approx(1 - at, abs=0.005)
 
 
 def test_a_long_line_with_its_capacitance(root: Path, tmp_path: Path) -> None:
     log = open_log(run(root, tmp_path, "AG", 0.3, 20.0, "line.AB.length_km=300"))
     assert locate(log, log).part == pytest.approx(0.3, abs=0.005)
+
+
+def test_two_faults_that_agree_somewhere_are_not_taken_for_one(root: Path, tmp_path: Path) -> None:
+    """Magnitudes of what is used to find the place agree at 70 % of the line for a fault between B and C at 40 % as
+    one end saw it and one at 90 % as the other did; of three-phase faults at 55 and at 80 % at 69 %."""
+
+    def of(kind: str, at: float, ohm: float) -> Log:
+        folder = tmp_path / f"{kind}{at}"
+        folder.mkdir()
+        return open_log(run(root, folder, kind, at, ohm))
+
+    one, other = of("BC", 0.4, 5.0), of("BC", 0.9, 0.1)
+    with pytest.raises(InputError) as refused:
+        locate(one, other, ("RA", "RB"))
+    assert str(refused.value) == (
+        "at 70.6 % of the line the two ends agree in the negative sequence alone, and differ by 39 % otherwise:"
+        " are both of the same fault, and are these its two ends?"
+    )
+    with pytest.raises(InputError, match="in the positive sequence alone"):
+        locate(of("ABC", 0.55, 0.1), other := of("ABC", 0.8, 0.1), ("RA", "RB"))
+    near = of("ABC", 0.7, 0.1)
+    found = locate(near, other, ("RA", "RB"))
+    assert found.second_mismatch is not None and 0.03 < found.second_mismatch < 0.2
+    assert any("in what was not used to find it: are both of the same fault" in line for line in near.warnings)
 
 
 def test_command_line_and_what_is_wrong(
