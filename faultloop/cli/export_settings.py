@@ -25,4 +25,7 @@ def command(
     with write_aside(rio, ".rio") as aside:
         aside.write_text(rio_text(loaded, settings.stem), encoding="utf-8")
     say(f"wrote {rio}")
+    z1 = loaded.z1_ohm
+    back = f"faultloop import {rio} --z1 {z1.real:.9g},{z1.imag:.9g}"
+    say(f"RIO tells of the line its angle alone; to read it: {back}")
     return 0

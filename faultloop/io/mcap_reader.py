@@ -253,10 +253,19 @@ class Log:
                     found.append(Entry(row[0], topic, dict(zip(names, row[1:], strict=True))))
         return sorted(found, key=lambda entry: entry.t_ns)
 
+    def walk(self, *kinds: Message) -> Iterator[Entry]:
+        """The same one by one, with no more of the log in memory than a stretch."""
+        for from_ns, to_ns in self.stretches():
+            yield from self.entries(*kinds, from_ns=from_ns, to_ns=to_ns)
+
     def last_ns(self, *kinds: Message) -> list[int]:
         """Time of the last message of each topic of these kinds that has any."""
-        times = [self.array(topic)["t_ns"] for topic in self.topics if message_of(topic) in kinds]
-        return [int(t_ns[-1]) for t_ns in times if len(t_ns)]
+        found, windows = [], self.windows()[::-1]
+        for topic in self.topics:
+            if message_of(topic) in kinds:
+                parts = (self.array(topic, *span)["t_ns"] for span in windows)
+                found += [int(t_ns[-1]) for t_ns in parts if len(t_ns)][:1]
+        return found
 
     @property
     def trips(self) -> list[Entry]:

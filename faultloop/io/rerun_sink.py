@@ -343,7 +343,7 @@ def log_to_rerun(log: Log, target: str, more: Callable[[RerunSink], None] | None
     """Shows a whole log, in stretches; ``target`` as for ``RerunSink``.  With ``serve``, ``wait`` on what is
     returned.  ``more``: what else is to be shown of its relays, once they are there."""
     sink = RerunSink(target, log.start_ns, name=log.metadata.get("scenario", {}).get("name") or log.path.stem)
-    sink.zero_ns = next((entry.t_ns for entry in log.faults if entry.on), None)
+    sink.zero_ns = next((entry.t_ns for entry in log.walk(FAULT_STATE) if entry.on), None)
     for name, values in log.metadata.items():
         sink.add_metadata(name, values)
     for name, data in log.attachments.items():
@@ -372,8 +372,8 @@ RARE = (BREAKER_STATUS, FAULT_STATE, EVENT, TRIP, RECORD_DIGITAL, CAN_FRAME)
 
 def _changing(log: Log) -> set[int]:
     """The digital channels of a replayed record that changed: of hundreds some have a lane."""
-    numbers = [entry.fields["number"] for entry in log.digital]
-    return {number for number, count in Counter(numbers).items() if count > 1}
+    counts = Counter(entry.fields["number"] for entry in log.walk(RECORD_DIGITAL))
+    return {number for number, count in counts.items() if count > 1}
 
 
 def _send_stretch(sink: RerunSink, log: Log, relay: str, span: tuple[int, int]) -> None:

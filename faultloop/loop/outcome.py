@@ -17,7 +17,16 @@ from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, State
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import LEVELS, POLES, source_of
+from faultloop.io.messages import (
+    BREAKER_STATUS,
+    CAN_FRAME,
+    EVENT,
+    FAULT_STATE,
+    LEVELS,
+    POLES,
+    TRIP,
+    source_of,
+)
 from faultloop.loop.recorded import recorded_scenario
 from faultloop.loop.scenario import Scenario
 
@@ -296,19 +305,14 @@ class Fold:
         """Nothing to undo."""
 
 
-def outcome_of(log: Log, cast: Cast | None = None) -> Outcome:
-    """What the messages in a log come to; who is who is in the log, unless `cast` says it.
+def outcome_of(log: Log, cast: Cast | None = None, *, texts: bool = True) -> Outcome:
+    """What the messages in a log come to; who is who is in the log, unless `cast` says it.  ``texts``: with
+    the outcome's `events`.
 
     Raises InputError where its content is damaged.
     """
-    fold = Fold(Cast.of_log(log) if cast is None else cast)
-    for name, entries in (
-        ("Trip", log.trips),
-        ("BreakerStatus", log.breaker_states),
-        ("FaultState", log.faults),
-        ("CanFrame", log.can),
-        ("foxglove.Log", log.events),
-    ):
-        for entry in entries:
-            fold.message(entry.topic, entry.t_ns, name, **entry.fields)
+    fold = Fold(Cast.of_log(log) if cast is None else cast, texts=texts)
+    for message in (TRIP, BREAKER_STATUS, FAULT_STATE, CAN_FRAME, *([EVENT] if texts else [])):
+        for entry in log.walk(message):
+            fold.message(entry.topic, entry.t_ns, message.name, **entry.fields)
     return fold.outcome()

@@ -15,7 +15,14 @@ from faultloop.io.can.log import LoggedFrame, write_can_log
 from faultloop.io.comtrade.record import AnalogChannel, Rate, Record, StatusChannel
 from faultloop.io.comtrade.write import Block, Extent, check_kind, write_blocks
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import CAN_FRAME, CHANNELS, ELEMENTS, SAMPLED_VALUES
+from faultloop.io.messages import (
+    BREAKER_STATUS,
+    CAN_FRAME,
+    CHANNELS,
+    ELEMENTS,
+    RECORD_DIGITAL,
+    SAMPLED_VALUES,
+)
 from faultloop.io.output_file import missing_folders
 from faultloop.loop.recorded import recorded_scenario
 from faultloop.review.rows import RelayRows, relay_rows
@@ -213,7 +220,7 @@ def _bits(log: Log, names: Sequence[str], ever: Sequence[tuple[int, int]]) -> li
 def _digital(log: Log) -> list[_Changing]:
     """A replayed record's own digital channels."""
     found: dict[int, _Changing] = {}
-    for entry in log.digital:
+    for entry in log.walk(RECORD_DIGITAL):
         channel = StatusChannel(entry.name, NO_STATES, circuit="record", normal=int(entry.normal))
         own = found.setdefault(entry.number, _Changing(channel, [], [], before=False))
         own.t_ns.append(entry.t_ns)
@@ -225,7 +232,7 @@ def _poles(log: Log) -> list[_Changing]:
     """Each breaker's poles, on where closed."""
     found = []
     for breaker in log.breakers:
-        entries = [entry for entry in log.breaker_states if entry.topic == f"/breaker/{breaker}"]
+        entries = [e for e in log.walk(BREAKER_STATUS) if e.topic == f"/breaker/{breaker}"]
         t_ns = [entry.t_ns for entry in entries]
         for pole in "abc":
             channel = StatusChannel(f"{breaker} {pole.upper()}", NO_STATES, pole.upper(), breaker, 1)

@@ -8,9 +8,9 @@ and is the same at the fault whatever its resistance is and whatever feeds it.  
 is where both agree; without one (Novosel, Hart, Udren and Garitty 1996) where their magnitudes do.  Negative
 sequence where the fault is unbalanced, for it has no load in it; else positive sequence.
 
-Without a common clock two faults agree in magnitude somewhere, too.  What was not used to find the place then
-tells whether it is one fault: the clocks' angle follows from what was used (from before the fault where that is
-balanced), and with it the positive-sequence voltages agree, and a balanced fault is a resistance.
+Without a common clock two faults agree in magnitude somewhere, too.  What was not used to find the place
+then tells whether it is one fault: the clocks' angle follows from what was used (from before the fault where
+that is balanced), and with it the positive-sequence voltages agree, and a balanced fault is a resistance.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ EARLY_MS = 2.0
 """So long before the first pole opens it ends."""
 POINTS = 4001
 AGREE, DOUBTED, ANOTHER = 0.1, 0.03, 0.2
-"""Parts of the ends' voltage: by which they may differ at the place; the second look, from where on it is told,
-and from where on it is no fault of both.  Eleven faults came to 0.025 at most, pairs of two of them to 0.06 or more,
-but A-G at 40 and at 80 % of one line, from the same load and at the same angle, to 0.011."""
+"""Parts of the ends' voltage: by which they may differ at the place; the second look, from where on it is
+told, and from where on it is no fault of both.  Eleven faults came to 0.025 at most, pairs of two of them to
+0.06 or more, but A-G at 40 and at 80 % of one line, from the same load and at the same angle, to 0.011."""
 BEFORE_CYCLES = (2.25, 0.25)
 """Before the inception, what is looked at of the load."""
 
@@ -76,8 +76,8 @@ class Location:
     km : the same, None where the length is not known.
     sequence, synchronised : how it was found.
     mismatch : of the two voltages there, of the greater of the ends' own.
-    second_mismatch : the same of what was not used to find the place; None where there is nothing: of a balanced
-        fault from the record's first instant on, without a common clock.
+    second_mismatch : the same of what was not used to find the place; None where there is nothing: of a
+        balanced fault from the record's first instant on, without a common clock.
     from_ms, to_ms : what of the records was used, after the inception.
     """
 
@@ -199,13 +199,13 @@ def locate(
     second = None if turn_of_clocks is None else _second_look(line, part, six, turn_of_clocks, sequence)
     if second is not None and second > ANOTHER:
         raise InputError(
-            f"at {100 * part:.1f} % of the line the two ends agree in the {sequence} sequence alone, and differ by"
-            f" {100 * second:.0f} % otherwise: are both of the same fault, and are these its two ends?"
+            f"at {100 * part:.1f} % of the line the two ends agree in the {sequence} sequence alone,"
+            f" and differ by {100 * second:.0f} % otherwise: are both of the same fault, and are these its two ends?"
         )
     if second is not None and second > DOUBTED:
         one.warn(
-            f"at {100 * part:.1f} % of the line the two ends differ by {100 * second:.0f} % in what was not used to"
-            " find it: are both of the same fault, and is the line's impedance right?"
+            f"at {100 * part:.1f} % of the line the two ends differ by {100 * second:.0f} % in what was not"
+            " used to find it: are both of the same fault, and is the line's impedance right?"
         )
     km = None if line.length_km is None else part * line.length_km
     mismatch = float(miss[best] / scale)
@@ -241,8 +241,8 @@ def _clocks(
 def _second_look(
     line: Line, part: float, six: list[NDArray[np.complex128]], clocks: complex, sequence: str
 ) -> float:
-    """By how much the positive sequence of the ends differs at the place, and of a balanced fault how much of its
-    voltage no resistance explains; of the greater of the ends' own."""
+    """By how much the positive sequence of the ends differs at the place, and of a balanced fault how much of
+    its voltage no resistance explains; of the greater of the ends' own."""
     turn = SEQUENCES["positive"]
     scale = max(abs(turn @ x[:3]) for x in six)
     a, b = _both(line, part, six, "positive")

@@ -22,7 +22,16 @@ from faultloop.io.can.authentication import read
 from faultloop.io.can.frames import Frame, State
 from faultloop.io.can.table import BY_IDENTIFIER, Kind
 from faultloop.io.mcap_reader import Log
-from faultloop.io.messages import CAN_FRAME, ELEMENTS, LOOP_IMPEDANCES, PHASORS, POLES, SAMPLED_VALUES, values
+from faultloop.io.messages import (
+    BREAKER_STATUS,
+    CAN_FRAME,
+    ELEMENTS,
+    LOOP_IMPEDANCES,
+    PHASORS,
+    POLES,
+    SAMPLED_VALUES,
+    values,
+)
 from faultloop.loop.recorded import recorded_scenario
 from faultloop.loop.replay import turn_of
 from faultloop.loop.scenario import Scenario
@@ -255,18 +264,17 @@ def _positions(log: Log, name: str) -> Iterator[tuple[int, int]]:
     scenario = recorded_scenario(log)
     breaker = next((place.get("breaker") for place in scenario["relay"] if place["name"] == name), None)
     if breaker is None:
-        states = [entry for entry in log.breaker_states if entry.source == RECORD]
-        for e in states:
-            yield e.t_ns, sum(e.fields[f"pole_{p.lower()}"] << bit for bit, p in enumerate(POLES))
+        for e in log.walk(BREAKER_STATUS):
+            if e.source == RECORD:
+                yield e.t_ns, sum(e.fields[f"pole_{p.lower()}"] << bit for bit, p in enumerate(POLES))
         return
-    for span in log.stretches() if CAN_FRAME.topic in log.topics else ():
-        for entry in log.entries(CAN_FRAME, from_ns=span[0], to_ns=span[1]):
-            kind, _ = BY_IDENTIFIER.get(entry.id, (None, 0))
-            if kind is not Kind.BREAKER_STATUS or entry.sender != breaker:
-                continue
-            state = read(Frame(entry.id, entry.data, entry.extended, entry.fd))
-            if isinstance(state, State):
-                yield entry.t_ns, state.poles
+    for entry in log.walk(CAN_FRAME):
+        kind, _ = BY_IDENTIFIER.get(entry.id, (None, 0))
+        if kind is not Kind.BREAKER_STATUS or entry.sender != breaker:
+            continue
+        state = read(Frame(entry.id, entry.data, entry.extended, entry.fd))
+        if isinstance(state, State):
+            yield entry.t_ns, state.poles
 
 
 def _first_difference(

@@ -6,7 +6,8 @@ time zero comes from.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from faultloop.io.mcap_reader import Entry, Log
-from faultloop.io.messages import BREAKER_STATUS, CAN_FRAME, FAULT_STATE, LEVELS, TRIP
+from faultloop.io.messages import BREAKER_STATUS, CAN_FRAME, EVENT, FAULT_STATE, LEVELS, RECORD_DIGITAL, TRIP
 from faultloop.loop.outcome import outcome_of
 from faultloop.loop.recorded import recorded_scenario, recorded_settings
 from faultloop.review.facts import (
@@ -35,13 +36,15 @@ from faultloop.review.rows import change_before, relay_rows
 from faultloop.review.survey import Survey, survey
 
 NEAR_CYCLES = 8  # before a pickup, in which its cause is looked for
+MOST_EVENTS = 5000
+"""So many events are told of a log, and so many changes of a record's channels: the page has a row each."""
 RECORD = "record"
 """What a replayed record is called, as the source of an event and as a breaker."""
 
 
 def summarize(log: Log) -> Summary:
     """Everything that ``faultloop review`` says of a log.  Raises InputError where the log is damaged."""
-    scenario, outcome = recorded_scenario(log), outcome_of(log)
+    scenario, outcome = recorded_scenario(log), outcome_of(log, texts=False)
     surveys = {name: survey(log, name) for name in log.relays}
     nominal_hz = _nominal_hz(log, scenario, surveys)
     inception = _inception(log, surveys, 1e9 / nominal_hz)
@@ -101,7 +104,7 @@ def find_inception(log: Log) -> Inception:
 
 def _told_inception(log: Log) -> Inception | None:
     """As the plant wrote it."""
-    first = next((entry.t_ns for entry in log.faults if entry.on), None)
+    first = next((entry.t_ns for entry in log.walk(FAULT_STATE) if entry.on), None)
     return None if first is None else Inception(first, "plant", "as the plant applied the fault")
 
 
@@ -153,7 +156,7 @@ def _faults(log: Log, scenario: dict[str, Any], zero: int) -> list[FaultFacts]:
     known = scenario["fault"]
     keys = ("name", "line", "bus", "at_pu", "at_km", "resistance_ohm", "ground_ohm")
     out: list[FaultFacts] = []
-    for entry in log.faults:
+    for entry in log.walk(FAULT_STATE):
         if entry.on:
             told = known[entry.fault] if entry.fault < len(known) else {}
             on_ms = after_ms(entry.t_ns, zero)
@@ -168,7 +171,7 @@ def _faults(log: Log, scenario: dict[str, Any], zero: int) -> list[FaultFacts]:
 
 def _breaker(log: Log, name: str, zero: int) -> BreakerFacts:
     """A breaker's state at the start, and every command and change since."""
-    states = [entry for entry in log.breaker_states if entry.source == name]
+    states = [entry for entry in log.walk(BREAKER_STATUS) if entry.source == name]
     operations = []
     for before, entry in zip([None, *states], states, strict=False):
         was, now = ("" if before is None else closed_poles(before)), closed_poles(entry)
@@ -191,6 +194,21 @@ def _breaker(log: Log, name: str, zero: int) -> BreakerFacts:
     )
 
 
+def _nearest(log: Log, entries: Iterable[Entry], zero: int, what: str) -> list[Entry]:
+    """Those around time zero where there are very many; what is left out is told."""
+    before, after, count = deque[Entry](maxlen=MOST_EVENTS // 2), list[Entry](), 0
+    for entry in entries:
+        count += 1
+        if entry.t_ns < zero:
+            before.append(entry)
+        elif len(before) + len(after) < MOST_EVENTS:
+            after.append(entry)
+    kept = [*before, *after]
+    if len(kept) < count:
+        log.warn(f"of {count} {what} the {len(kept)} around time zero are shown")
+    return kept
+
+
 def _events(log: Log, zero: int) -> list[Event]:
     """What nodes and relays said, and what a replayed record's own digital channels did, by time."""
     changes = [
@@ -201,7 +219,7 @@ def _events(log: Log, zero: int) -> list[Event]:
             "INFO",
             f"{entry.name} {'on' if entry.on else 'off'}",
         )
-        for entry in _digital_changes(log)
+        for entry in _nearest(log, _digital_changes(log), zero, "changes of the record's channels")
     ]
     told = [
         Event(
@@ -211,36 +229,40 @@ def _events(log: Log, zero: int) -> list[Event]:
             level=LEVELS[entry.level] if entry.level < len(LEVELS) else str(entry.level),
             text=entry.message,
         )
-        for entry in log.events
+        for entry in _nearest(log, log.walk(EVENT), zero, "events")
     ]
     return sorted(told + changes, key=lambda event: event.t_ns)
 
 
-def _digital_changes(log: Log) -> list[Entry]:
+def _digital_changes(log: Log) -> Iterator[Entry]:
     """The changes of a replayed record's digital channels, without the states at the beginning."""
     known: set[int] = set()
-    changes = []
-    for entry in log.digital:
+    for entry in log.walk(RECORD_DIGITAL):
         if entry.number in known:
-            changes.append(entry)
+            yield entry
         known.add(entry.number)
-    return changes
 
 
 def _digital(log: Log, zero: int) -> list[DigitalFacts]:
-    """A replayed record's digital channels that changed."""
-    changed = {entry.number for entry in _digital_changes(log)}
+    """A replayed record's digital channels that changed, but for those that always do."""
     found: dict[int, DigitalFacts] = {}
-    for entry in log.digital:
-        if entry.number not in changed:
-            continue
+    counts: Counter[int] = Counter()
+    for entry in log.walk(RECORD_DIGITAL):
         spans = found.setdefault(entry.number, DigitalFacts(entry.name, [])).on_ms
+        counts[entry.number] += 1
+        if counts[entry.number] > MOST_EVENTS:
+            spans.clear()
+            continue
         ms = after_ms(entry.t_ns, zero)
         if entry.on:
             spans.append((ms, None))
         elif spans:
             spans[-1] = (spans[-1][0], ms)
-    return list(found.values())
+    restless = [own.name for number, own in found.items() if counts[number] > MOST_EVENTS]
+    if restless:
+        names = f"{', '.join(restless[:5])}{' and others' if len(restless) > 5 else ''}"
+        log.warn(f"channels of the record that change more than {MOST_EVENTS} times are left out: {names}")
+    return [own for number, own in found.items() if 1 < counts[number] <= MOST_EVENTS]
 
 
 # -- what a reader should be warned of -------------------------------------------------------------------

@@ -53,8 +53,8 @@ def test_a_long_line_with_its_capacitance(root: Path, tmp_path: Path) -> None:
 
 
 def test_two_faults_that_agree_somewhere_are_not_taken_for_one(root: Path, tmp_path: Path) -> None:
-    """Magnitudes of what is used to find the place agree at 70 % of the line for a fault between B and C at 40 % as
-    one end saw it and one at 90 % as the other did; of three-phase faults at 55 and at 80 % at 69 %."""
+    """Magnitudes of what is used to find the place agree at 70 % of the line for a fault between B and C at
+    40 % as one end saw it and one at 90 % as the other did; of three-phase faults at 55 and 80 % at 69 %."""
 
     def of(kind: str, at: float, ohm: float) -> Log:
         folder = tmp_path / f"{kind}{at}"
@@ -65,15 +65,17 @@ def test_two_faults_that_agree_somewhere_are_not_taken_for_one(root: Path, tmp_p
     with pytest.raises(InputError) as refused:
         locate(one, other, ("RA", "RB"))
     assert str(refused.value) == (
-        "at 70.6 % of the line the two ends agree in the negative sequence alone, and differ by 39 % otherwise:"
-        " are both of the same fault, and are these its two ends?"
+        "at 70.6 % of the line the two ends agree in the negative sequence alone, and differ by 39 %"
+        " otherwise: are both of the same fault, and are these its two ends?"
     )
     with pytest.raises(InputError, match="in the positive sequence alone"):
         locate(of("ABC", 0.55, 0.1), other := of("ABC", 0.8, 0.1), ("RA", "RB"))
     near = of("ABC", 0.7, 0.1)
     found = locate(near, other, ("RA", "RB"))
     assert found.second_mismatch is not None and 0.03 < found.second_mismatch < 0.2
-    assert any("in what was not used to find it: are both of the same fault" in line for line in near.warnings)
+    assert any(
+        "in what was not used to find it: are both of the same fault" in line for line in near.warnings
+    )
 
 
 def test_command_line_and_what_is_wrong(

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+import faultloop.review.summary as summary_module
 from faultloop.cli import call
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import LogWriter
@@ -328,3 +329,24 @@ def test_a_long_log_is_summarized_as_in_one_piece(
     edges = [-(1 << 62), *(400_000_000 * k // windows for k in range(1, windows)), 1 << 62]
     monkeypatch.setattr(Log, "windows", lambda *_: list(pairwise(edges)))
     assert summarize(open_log(path)) == whole
+
+
+def test_of_very_many_events_those_around_time_zero_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And a channel of a record that never rests is left out, by name; the log says both."""
+    monkeypatch.setattr(summary_module, "MOST_EVENTS", 6)
+    with LogWriter(tmp_path / "many.mcap", START_NS) as writer:
+        for k in range(20):
+            writer.message("/plant/events", 1000 * k, "foxglove.Log", level="INFO", message=f"event {k}")
+            writer.message("/record/digital", 1000 * k, "RecordDigital", number=0, name="D0", on=bool(k % 2))
+        writer.message("/plant/faults", 10_000, "FaultState", fault=0, on=True, type="AG")
+        for on in (False, True):
+            writer.message("/record/digital", 30_000, "RecordDigital", number=1, name="D1", on=on)
+    log = open_log(tmp_path / "many.mcap")
+    found = summarize(log)
+    assert [e.text for e in found.events if e.source != "record"] == [f"event {k}" for k in range(7, 13)]
+    assert [own.name for own in found.digital] == ["D1"]
+    assert "of 20 events the 6 around time zero are shown" in found.warnings
+    assert "of 20 changes of the record's channels the 6 around time zero are shown" in found.warnings
+    assert "channels of the record that change more than 6 times are left out: D0" in found.warnings
