@@ -200,7 +200,8 @@ def locate(
     if second is not None and second > ANOTHER:
         raise InputError(
             f"at {100 * part:.1f} % of the line the two ends agree in the {sequence} sequence alone,"
-            f" and differ by {100 * second:.0f} % otherwise: are both of the same fault, and are these its two ends?"
+            f" and differ by {100 * second:.0f} % otherwise: are both of the same fault,"
+            " and are these its two ends?"
         )
     if second is not None and second > DOUBTED:
         one.warn(

@@ -8,6 +8,7 @@ sample INTERFACE SVID APPID COUNT         so many samples
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -33,6 +34,25 @@ def end(count: int = 0) -> None:
     while len(different) < count and time.monotonic() < until:
         time.sleep(0.01)
     os._exit(0)
+
+
+def tell_ready() -> None:
+    """Once a packet socket of this process is bound to its interface: a receiver that is running may not have
+    one yet, as its thread opens it."""
+    until = time.monotonic() + 10
+    while not _listens() and time.monotonic() < until:
+        time.sleep(0.005)
+    tell("ready")
+
+
+def _listens() -> bool:
+    own = set()
+    for number in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(OSError):  # the folder's own is gone
+            own.add(os.readlink(f"/proc/self/fd/{number}"))
+    with open("/proc/net/packet", encoding="ascii") as table:
+        rows = [line.split() for line in table][1:]
+    return any(row[4] != "0" and row[5] == "1" and f"socket:[{row[8]}]" in own for row in rows)
 
 
 def mac(kind: int, place: int) -> tuple[int, ...]:
@@ -79,7 +99,7 @@ def hear(interface: str, reference: str, app_id: str, count: str) -> None:
     stack.GooseReceiver_setInterfaceId(receiver, interface)
     stack.GooseReceiver_start(receiver)
     assert stack.GooseReceiver_isRunning(receiver)
-    tell("ready")
+    tell_ready()
     end(1 + int(count))
 
 
@@ -136,7 +156,7 @@ def see(interface: str, app_id: str, count: str) -> None:
     stack.SVReceiver_addSubscriber(receiver, subscriber)
     stack.SVReceiver_start(receiver)
     assert stack.SVReceiver_isRunning(receiver)
-    tell("ready")
+    tell_ready()
     end(1 + int(count))
 
 
