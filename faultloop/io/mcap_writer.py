@@ -306,16 +306,14 @@ class LogWriter:
 
     def _write_until(self, window: int | None) -> None:
         """Writes what is held of the windows before ``window`` (of all, if None), one chunk each."""
-        held = [t for t, _, _ in self._rare] + [
-            int(rows.t_ns[0]) for rows in self._relays.values() if len(rows.t_ns)
-        ]
-        while held and (window is None or min(held) // CHUNK_NS < window):
-            self._write_window(min(held) // CHUNK_NS)
-            held = [t for t, _, _ in self._rare] + [
-                int(r.t_ns[0]) for r in self._relays.values() if len(r.t_ns)
-            ]
+        while (oldest := self._oldest()) is not None and (window is None or oldest // CHUNK_NS < window):
+            self._write_window(oldest // CHUNK_NS)
         if window is not None:
             self._window = window
+
+    def _oldest(self) -> int | None:
+        held = [int(rows.t_ns[0]) for rows in self._relays.values() if len(rows.t_ns)]
+        return min([*held, *(t for t, _, _ in self._rare)], default=None)
 
     def _write_window(self, window: int) -> None:
         """Writes one chunk: the relays' rows, relay by relay, then the rare messages by time."""

@@ -13,6 +13,7 @@ import json
 import os
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import pyiec61850.pyiec61850 as stack
@@ -47,11 +48,10 @@ def tell_ready() -> None:
 
 def _listens() -> bool:
     own = set()
-    for number in os.listdir("/proc/self/fd"):
-        with contextlib.suppress(OSError):  # the folder's own is gone
-            own.add(os.readlink(f"/proc/self/fd/{number}"))
-    with open("/proc/net/packet", encoding="ascii") as table:
-        rows = [line.split() for line in table][1:]
+    for number in Path("/proc/self/fd").iterdir():
+        with contextlib.suppress(OSError):  # one that is closed by now
+            own.add(str(number.readlink()))
+    rows = [line.split() for line in Path("/proc/net/packet").read_text(encoding="ascii").splitlines()[1:]]
     return any(row[4] != "0" and row[5] == "1" and f"socket:[{row[8]}]" in own for row in rows)
 
 
