@@ -198,10 +198,10 @@ def locate(
     turn_of_clocks = 1.0 + 0.0j if common else _clocks(line, part, ends, six, sequence, hz)
     second = None if turn_of_clocks is None else _second_look(line, part, six, turn_of_clocks, sequence)
     if second is not None and second > ANOTHER:
+        at = f"at {100 * part:.1f} % of the line"
         raise InputError(
-            f"at {100 * part:.1f} % of the line the two ends agree in the {sequence} sequence alone,"
-            f" and differ by {100 * second:.0f} % otherwise: are both of the same fault,"
-            " and are these its two ends?"
+            f"{at} the two ends agree in the {sequence} sequence alone, and differ by {100 * second:.0f} %"
+            " otherwise: are both of the same fault, and are these its two ends?"
         )
     if second is not None and second > DOUBTED:
         one.warn(
