@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 
 import pytest
 
 
 @contextmanager
 def veth_pair() -> Iterator[tuple[str, str]]:
-    """Two interfaces, each of which gets what the other one sends; gone afterwards."""
+    """Two interfaces, each of which gets what the other one sends; gone afterwards.  One pair at a time on a
+    machine: a packet socket hears every interface until it is bound."""
     here, there = names = f"fg{os.getpid()}a", f"fg{os.getpid()}b"
-    _ip("add", "dev", here, "type", "veth", "peer", "name", there)
-    try:
-        for name in names:
-            _ip("set", "dev", name, "up")
-        yield names
-    finally:
-        _ip("del", "dev", here)
+    with (Path(tempfile.gettempdir()) / "faultloop-veth.lock").open("w") as turn:
+        fcntl.flock(turn, fcntl.LOCK_EX)  # until it is closed
+        _ip("add", "dev", here, "type", "veth", "peer", "name", there)
+        try:
+            for name in names:
+                _ip("set", "dev", name, "up")
+            yield names
+        finally:
+            _ip("del", "dev", here)
 
 
 def _ip(*arguments: str) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -134,6 +134,12 @@ def _fields(packed: np.ndarray) -> tuple[list[np.ndarray], list[np.dtype[Any]]]:
     return bodies, kinds
 
 
+def _oldest(relays: Iterable[RelayRows], rare: Sequence[tuple[int, int, bytes]]) -> int | None:
+    """Time of the oldest that is held [ns since the start]."""
+    held = [int(rows.t_ns[0]) for rows in relays if len(rows.t_ns)]
+    return min([*held, *(t_ns for t_ns, _, _ in rare)], default=None)
+
+
 class LogWriter:
     """Writes a run's log to ``<path>.part`` and renames it to ``path`` when it is closed whole.
 
@@ -246,13 +252,11 @@ class LogWriter:
             zone: {"ground": np.asarray(ground).tolist(), "phase": np.asarray(phase).tolist()}
             for zone, (ground, phase) in (characteristics or {}).items()
         }
-        extra = {
+        more = {
             ELEMENTS.name: {f"{word}_bits": json.dumps(names[word]) for word in names},
             LOOP_IMPEDANCES.name: {"characteristics": json.dumps(zones)},
         }
-        channels = [
-            self._channel(message.topic_for(name), message, extra.get(message.name)) for message in SAMPLED
-        ]
+        channels = [self._channel(own.topic_for(name), own, more.get(own.name)) for own in SAMPLED]
         self._relays[name] = RelayRows(channels, self.start_ns)
         self._seen[name] = self._slowest = 0
         for message in (TRIP, EVENT):
@@ -306,14 +310,12 @@ class LogWriter:
 
     def _write_until(self, window: int | None) -> None:
         """Writes what is held of the windows before ``window`` (of all, if None), one chunk each."""
-        while (oldest := self._oldest()) is not None and (window is None or oldest // CHUNK_NS < window):
+        while (oldest := _oldest(self._relays.values(), self._rare)) is not None and (
+            window is None or oldest // CHUNK_NS < window
+        ):
             self._write_window(oldest // CHUNK_NS)
         if window is not None:
             self._window = window
-
-    def _oldest(self) -> int | None:
-        held = [int(rows.t_ns[0]) for rows in self._relays.values() if len(rows.t_ns)]
-        return min([*held, *(t for t, _, _ in self._rare)], default=None)
 
     def _write_window(self, window: int) -> None:
         """Writes one chunk: the relays' rows, relay by relay, then the rare messages by time."""

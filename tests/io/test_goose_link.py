@@ -247,11 +247,8 @@ def test_another_stack_takes_our_goose(pair: tuple[str, str]) -> None:
         time.sleep(0.1)  # it takes what comes at once for one
     got = told(other)
     here.close()
-    assert [(m["st_num"], m["sq_num"], m["valid"], m["error"]) for m in got] == [
-        (1, 0, True, 0),
-        (2, 0, True, 0),
-        (2, 1, True, 0),
-    ]
+    # not whether each is valid: that ends after live_ms, sooner than a busy machine may ask
+    assert [(m["st_num"], m["sq_num"], m["error"]) for m in got] == [(1, 0, 0), (2, 0, 0), (2, 1, 0)]
     assert [m["live_ms"] for m in got] == [6, 6, 10]
     assert {(m["go_id"], m["data_set"], m["conf_rev"], m["test"], m["needs_commissioning"]) for m in got} == {
         ("RATrip", "RALD0/LLN0$dsTrip", 1, False, False)
