@@ -191,6 +191,17 @@ def test_a_line_beside_the_faulted_one_that_rings_more_than_it_changes() -> None
     assert not picked_up(relay, samples)
 
 
+@pytest.mark.parametrize(("number", "fault", "end"), [(5555, 34, 1), (10988, 19, 0)])
+def test_a_line_beside_the_faulted_one_whose_current_rings_through_zero(
+    number: int, fault: int, end: int
+) -> None:
+    """227 and 217 km, faults between two phases near the other line's middle: m of the mho swings from far
+    ahead to far behind (before: zone 1 after 48 and 42 ms)."""
+    relay, samples, seen = drawn_fault(91001, number, fault, end, order=4)
+    assert seen == ("parallel", True)
+    assert not picked_up(relay, samples)
+
+
 # ---------------------------------------------------------------- the fit of the loop
 
 CONSTANTS = np.zeros(1, np.dtype([("turn_per_value", "f8")]))
