@@ -131,11 +131,10 @@ def outside(rng: np.random.Generator, method: str) -> tuple[str, float]:
     return (f"trip, {where}" if trips(relay(network, method, rpsb=BOXES), x) else "right"), np.nan
 
 
-def after(rng: np.random.Generator, method: str) -> tuple[str, float]:
-    """The fault lets one side accelerate (all its power lost, H of 1.5 to 10 s), and goes: then the angle
-    comes back, or goes on to a slip of up to 7 Hz.  No zone may trip."""
-    network = draw(rng)
-    begins_s, stands_s = 0.3 + float(rng.uniform(0, 0.02)), float(rng.uniform(0.06, 0.2))
+def accelerated(rng: np.random.Generator, begins_s: float, stands_s: float) -> np.ndarray:
+    """Angle between the sources [degrees], at every sample, until 1.2 s after a fault that lets one
+    side accelerate (all its power lost, H of 1.5 to 10 s): it comes back, or goes on to a slip of up to
+    7 Hz."""
     rate = math.pi * 50 / float(np.exp(rng.uniform(np.log(1.5), np.log(10))))  # rad/s^2
     seconds = begins_s + stands_s + 1.2
     t = np.arange(round(seconds * FS)) / FS - begins_s
@@ -150,7 +149,14 @@ def after(rng: np.random.Generator, method: str) -> tuple[str, float]:
         final = max(2 * math.pi * float(np.exp(rng.uniform(np.log(0.5), np.log(7)))), slip)
         tau = float(rng.uniform(0.1, 0.5))
         angle += final * gone - (final - slip) * tau * (1 - np.exp(-gone / tau))
-    degrees = np.degrees(load + angle) * rng.choice([-1, 1])
+    return np.degrees(load + angle) * rng.choice([-1, 1])
+
+
+def after(rng: np.random.Generator, method: str) -> tuple[str, float]:
+    """The fault makes the swing, and goes.  No zone may trip."""
+    network = draw(rng)
+    begins_s, stands_s = 0.3 + float(rng.uniform(0, 0.02)), float(rng.uniform(0.06, 0.2))
+    degrees = accelerated(rng, begins_s, stands_s)
     kind, at = str(rng.choice(TYPES)), -1.0 if rng.random() < 0.5 else float(rng.uniform(0.92, 1.0))
     ohm = 0.0 if rng.random() < 0.6 else float(np.exp(rng.uniform(0.0, np.log(40.0))))
     x = swings.samples(network, degrees, kind, at, begins_s, resistance=ohm, end_s=begins_s + stands_s)

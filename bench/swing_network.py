@@ -1,12 +1,14 @@
 """Power swings of a network of travelling waves: lines X - A - B - C, the source at C slips, a relay at A.
 
-    python bench/swing_network.py [--cases 300] [--seed 1] [--kind swing|inside|outside|pole]
+    python bench/swing_network.py [--cases 300] [--seed 1] [--kind swing|inside|outside|after|pole]
                                   [--vt ideal|P1|P2|A1|A2]
 
 Bergeron lines of 50, 100 and 50 km; sources of 0.3 to 3 times 12 ohm and 18 ohm; settings, slips and stable
 swings as in ``bench/functions.py``.  `inside`: a bolted fault of any type within 80 % of A - B during the
-swing; `outside`: one on X - A or B - C, which goes 150 ms later; `pole`: a swing while pole A of A - B is
-open.  ``--vt``: of a capacitive one the relay knows the circuit.
+swing; `outside`: one on X - A or B - C, which goes 150 ms later; `after`: one there, in half of the cases of
+three phases, that makes the swing as in ``bench/functions.py``, and lines of 50 to 300 km beside A - B, which
+ring; `pole`: a swing while pole A of A - B is open.  ``--vt``: of a capacitive one the relay knows the
+circuit.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
-from functions import BOXES, FS, LIMIT_MS, ZONES
+from functions import BOXES, FS, LIMIT_MS, ZONES, accelerated
 
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
@@ -34,18 +36,11 @@ POINTS = 24
 """Samples between two points of the angle's curve."""
 
 
-def scenario(rng: np.random.Generator, kind: str, vt: str) -> tuple[dict[str, Any], float | None]:
-    """Tables, and when the fault begins [s]."""
-    near, far = np.exp(rng.uniform(np.log(0.3), np.log(3), 2))
-    hz = float(np.exp(rng.uniform(np.log(0.5), np.log(7))))
-    if rng.random() < 0.5:
-        angle = swings.slipping(
-            Network(), hz, 0.3 + max(1.4 / hz, 0.7), load_deg=float(rng.choice([-20, 20]))
-        )
-    else:
-        hz = min(hz, 3.0)
-        angle = swings.stable(Network(), hz, float(rng.uniform(60, 140)), 0.3 + max(1.4 / hz, 0.7))
-        angle = angle * rng.choice([-1, 1])
+def tables(
+    near: float, far: float, angle: np.ndarray, beside_km: tuple[float, float], vt: str
+) -> dict[str, Any]:
+    """Of a scenario without a fault; ``near`` and ``far``: parts of the sources, ``beside_km``: length of the
+    lines on either side."""
     seconds = len(angle) / FS
     points = range(0, len(angle), POINTS)
     sources = [
@@ -63,9 +58,9 @@ def scenario(rng: np.random.Generator, kind: str, vt: str) -> tuple[dict[str, An
             {"source": "SC", "at_s": [k / FS for k in points], "angle_deg": [float(angle[k]) for k in points]}
         ],
         "line": [
-            {"name": "XA", "from": "X", "to": "A", "length_km": 50.0, **LINE},
+            {"name": "XA", "from": "X", "to": "A", "length_km": beside_km[0], **LINE},
             {"name": "AB", "from": "A", "to": "B", "length_km": 100.0, **LINE},
-            {"name": "BC", "from": "B", "to": "C", "length_km": 50.0, **LINE},
+            {"name": "BC", "from": "B", "to": "C", "length_km": beside_km[1], **LINE},
         ],
         "relay": [{"name": "RA", "line": "AB", "end": "from", "settings": "none"}],
         "front_end": {"antialias_hz": 1500},
@@ -73,6 +68,42 @@ def scenario(rng: np.random.Generator, kind: str, vt: str) -> tuple[dict[str, An
     if vt != "ideal":
         data["vt"] = [{"name": "V", "ratio": [230000, 110], "model": "cvt", "circuit": vt}]
         data["relay"][0]["vt"] = "V"
+    return data
+
+
+def after(rng: np.random.Generator, vt: str) -> tuple[dict[str, Any], float]:
+    """A fault beside A - B that makes the swing, and goes."""
+    near, far = np.exp(rng.uniform(np.log(0.3), np.log(3), 2))
+    first_km, second_km = np.exp(rng.uniform(np.log(50), np.log(300), 2))
+    start, stands = 0.3 + float(rng.uniform(0, 0.02)), float(rng.uniform(0.06, 0.2))
+    angle = accelerated(rng, start, stands)
+    fault = {
+        "type": str(rng.choice(TYPES if rng.random() < 0.5 else ["ABC", "ABCG"])),
+        "line": str(rng.choice(["XA", "BC"])),
+        "at_pu": float(rng.uniform(0.02, 0.98)),
+        "start_s": start,
+        "duration_s": stands,
+    }
+    data = tables(near, far, angle, (float(first_km), float(second_km)), vt)
+    return data | {"fault": [fault]}, start
+
+
+def scenario(rng: np.random.Generator, kind: str, vt: str) -> tuple[dict[str, Any], float | None]:
+    """Tables, and when the fault begins [s]."""
+    if kind == "after":
+        return after(rng, vt)
+    near, far = np.exp(rng.uniform(np.log(0.3), np.log(3), 2))
+    hz = float(np.exp(rng.uniform(np.log(0.5), np.log(7))))
+    if rng.random() < 0.5:
+        angle = swings.slipping(
+            Network(), hz, 0.3 + max(1.4 / hz, 0.7), load_deg=float(rng.choice([-20, 20]))
+        )
+    else:
+        hz = min(hz, 3.0)
+        angle = swings.stable(Network(), hz, float(rng.uniform(60, 140)), 0.3 + max(1.4 / hz, 0.7))
+        angle = angle * rng.choice([-1, 1])
+    seconds = len(angle) / FS
+    data = tables(near, far, angle, (50.0, 50.0), vt)
     if kind in ("swing", "pole"):
         return data, None
     start = float(rng.uniform(0.36, seconds - (0.12 if kind == "inside" else 0.2)))
@@ -121,7 +152,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--cases", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--kind", choices=("swing", "inside", "outside", "pole"), default="inside")
+    parser.add_argument("--kind", choices=("swing", "inside", "outside", "after", "pole"), default="inside")
     parser.add_argument("--vt", choices=("ideal", "P1", "P2", "A1", "A2"), default="ideal")
     given = parser.parse_args()
     told, counts, times = settings(given.vt), Counter[str](), []

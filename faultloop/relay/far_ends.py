@@ -9,6 +9,8 @@ from faultloop.relay.events import Event, Names
 
 BRIDGED = 2
 """Cycles for which sets are kept."""
+STILL = 0.9
+"""Of ``asymmetry_ms``: so much has to be left before the rules are no longer the harder ones."""
 
 
 def tell(names: Names, was: Any, now: Any) -> Iterator[Event]:
@@ -30,15 +32,19 @@ def tell(names: Names, was: Any, now: Any) -> Iterator[Event]:
             text = f"PDIF1 ChAsym: this end or {who} has lost the time, and the round trip stands in for it"
             yield Event(names.sample, "warning", f"{text}; the rules are the harder ones")
     if now["harder"] and not was["harder"] and not any(now["remote"]["held"]):
-        yield Event(names.sample, "warning", f"PDIF1 ChAsym: {doubts(now)}; the rules are the harder ones")
+        text = f"PDIF1 ChAsym: {doubts(names, now)}; the rules are the harder ones"
+        yield Event(names.sample, "warning", text)
 
 
-def doubts(now: Any) -> str:
-    """Which ways differ or vary most."""
+def doubts(names: Names, now: Any) -> str:
+    """Of the end whose ways differ or vary most, which of the two they do, or both."""
     far = max(now["remote"], key=lambda one: max(abs(one["ways_us"]), 2 * one["vary_us"]))
-    who = f"relay number {far['number']}"
-    ways, vary = abs(far["ways_us"]) / 1e3, 2 * far["vary_us"] / 1e3
-    return f"of the ways to {who} and back one takes {ways:.2f} ms longer, and they vary by {vary:.2f} ms"
+    differ, vary = abs(far["ways_us"]), 2 * far["vary_us"]
+    table = names.settings.pdif
+    limit_us = min(1e3 * STILL * table.asymmetry_ms if table is not None else 0.0, max(differ, vary))
+    sizes = (("differ", differ), ("vary", vary))
+    found = [f"{what} by {size / 1e3:.2f} ms" for what, size in sizes if size >= limit_us]
+    return f"the ways to relay number {far['number']} and back {' and '.join(found)}"
 
 
 def why_not(names: Names, now: Any) -> str:

@@ -25,7 +25,8 @@ along a circle as without: a swing is then found in spite of them, and they tell
 one are the loops of the closed poles, where they stand.
 
 Before a swing is found, a balanced state that still moves fast starts no zone, unless it began to by a leap
-that no swing makes: then it is a fault, whose estimate settles or rings, and no swing is found in that.
+that no swing makes: then it is a fault, whose estimate settles or rings, and no swing is found in that.  Nor
+does it wait where the estimate alone rings (`faultloop.relay.swing_motion`).
 
 The swing is over ``hold_ms`` after the impedance has left the outer box.
 
@@ -49,6 +50,18 @@ from faultloop.relay.memory import size2
 from faultloop.relay.quantities import THREE_PHASE, Record, indicate, publish, request_trip
 from faultloop.relay.standing import ASIDE, PHASE_LOOPS, standing
 from faultloop.relay.swing import TRACK
+from faultloop.relay.swing_motion import (
+    CLEARED,
+    FAULT,
+    QUIET,
+    RESTS,
+    SWINGING,
+    is_left,
+    leaps,
+    observe,
+    place,
+    slide,
+)
 from faultloop.relay.swing_rule import Rpsb, check, inner_ohm, polygons, reaches
 from faultloop.relay.voltages import loops_of
 
@@ -56,13 +69,10 @@ if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
 ALL_POLES = 7
-QUIET, SWINGING, FAULT = range(3)
 UNBALANCED, JUMPED, STANDS, TOO_LONG = range(1, 5)
 CAUSES = ("", "I2 or I0", "a jump", "a loop that stands still", "it has lasted too long")
 ALL_ZONES = -1
 NO_TRIP, WAY_IN, WAY_OUT = range(3)
-STEADY = 0.6
-"""Bend over way of half a cycle: above it the motion is none of a swing's (of 7 Hz it is 0.45)."""
 JUMP, JUMP_LEAST = 2.5, 0.08
 """Times the swing's own way, and a way on the sphere."""
 IMAGE = 0.35
@@ -70,25 +80,12 @@ IMAGE = 0.35
 RUSHING = 0.12
 """Way of half a cycle: a balanced state that moves faster starts no zone; a three-phase fault has stopped
 by then."""
-CLEARED, CLEARED_CYCLES, RESTS = 0.2, 3, 0.04
-"""Way of a quarter of a cycle in a disturbance older than a cycle: perhaps its clearing, which a swing
-follows.  For so long, and while a balanced state moves so far in half a cycle, it starts no further zone."""
-LEAP, LEAP_CYCLES = 0.5, 2.5
-"""Way of a quarter of a cycle in the first half cycle of a disturbance that is a fault's; so long from its
-beginning its motion is none of a swing's.  Later one may have begun, by the fault's clearing."""
-FAR, FAR_CYCLES = 0.05, 8
-"""Way of half a cycle outside the outer box in the first cycles of all: an estimator that settles to a
-frequency 5 Hz off makes 0.02, which would be a swing of 0.3 Hz."""
 STARTED, STARTED_WAY, CLEARED_WAY = 2, 0.2, 0.05
 """Times as long a motion takes a started zone back, if it goes so far: an estimator's drift is less.  After a
 fault's clearing, perhaps, so far: another fault in its place would stand still."""
 OPERATED_CYCLES = 5
 SLOWER, SLOWEST = 0.5, 0.01
 """Of the swing's pace, and a way of half a cycle: what has jumped and moves faster does not stand."""
-SLIDES, SLIDES_CYCLES = 0.02, 1
-"""Way of half a cycle, and for so long steadily, later than a leap's: sources that slip in a fault."""
-FASTER = 1.2
-"""Times its pace: no swing gains more within a cycle."""
 FAINT = 1 / 3
 """Of ``unbalance_pu``: with less I2 and less I0 no loop stands alone, as near the centre one seems to."""
 
@@ -112,86 +109,6 @@ def values(settings: RelaySettings, table: Rpsb) -> dict[str, Any]:
         "trip": ("none", "way-in", "way-out").index(table.trip),
         "slips": table.slips,
     }
-
-
-@njit
-def place(g: Record, q: Record, c: Record, w: Record) -> None:
-    """Where V1 / I1 is: beside the line's angle, along it; in the outer and the inner box."""
-    v, i = q.sequence[1], q.sequence[4]
-    w.in_outer = w.in_inner = 0
-    if size2(i) < c.minimum**2:
-        return
-    z = v / i * g.z1.conjugate() / abs(g.z1)
-    w.along, w.beside = z.real, z.imag
-    apart = c.outer - c.inner
-    if abs(z.imag) < c.outer and -c.reverse - apart < z.real < c.forward + apart:
-        w.in_outer = 1
-        w.in_inner = 1 if abs(z.imag) < c.inner and -c.reverse < z.real < c.forward else 0
-
-
-@njit
-def observe(g: Record, q: Record, c: Record, w: Record) -> None:
-    """At a snapshot: how fast and how steadily the impedance moves."""
-    lag = g.snapshots // 4
-    m = q.memory
-    now, before, earlier = (
-        swing.point_ago(g, m, 0),
-        swing.point_ago(g, m, lag),
-        swing.point_ago(g, m, 2 * lag),
-    )
-    w.speed = swing.distance(now, before)
-    w.past = swing.distance(before, earlier)
-    w.quick = swing.distance(now, swing.point_ago(g, m, lag // 2))
-    if not q.disturbed:
-        w.leapt = w.cleared = 0
-    elif 2 * q.memory.age <= g.cycle and w.quick > LEAP:
-        w.leapt = 1
-    elif q.memory.age > g.cycle and w.quick > CLEARED:
-        w.cleared, w.after = 1, CLEARED_CYCLES * g.cycle
-    bent = swing.bend(now, before, earlier)
-    balanced = w.unbalanced == 0 and size2(q.sequence[4]) >= c.minimum**2
-    settles = q.memory.seen <= FAR_CYCLES * g.cycle and not w.in_outer
-    least = max(c.least, FAR) if settles else c.least
-    moves = balanced and w.speed >= least
-    steady = moves and bent <= STEADY * w.speed
-    w.steady = w.steady + g.snapshot if steady else 0
-    w.way = w.way + w.speed / lag if steady else 0.0
-    slides = w.speed >= SLIDES and bent <= STEADY * w.speed and q.memory.age > LEAP_CYCLES * g.cycle
-    w.slid = w.slid + g.snapshot if slides and q.disturbed else 0
-    w.rest = 0 if 4 * w.steady >= g.cycle else w.rest + g.snapshot
-    between = moves and w.in_outer and not w.in_inner
-    w.between = w.between + g.snapshot if between else 0
-    older = swing.distance(earlier, swing.point_ago(g, m, 3 * lag))
-    if w.state == QUIET:
-        w.pace = older
-    elif w.state == SWINGING and w.off == 0 and q.standing == 0:
-        w.pace += 0.1 * (min(older, FASTER * w.pace + c.least) - w.pace)  # no fault's end is in it
-
-
-@njit
-def leaps(g: Record, q: Record, w: Record) -> bool:
-    """Whether what moves is a fault's: it began with a leap, and not long ago."""
-    return w.leapt and q.disturbed and q.memory.age <= LEAP_CYCLES * g.cycle
-
-
-@njit
-def slide(g: Record, q: Record, w: Record) -> None:
-    """One sample of a disturbance in which no swing has been found: whether sources slip in it."""
-    if w.state != QUIET:  # ``told`` is then that of a fault in the swing
-        w.slides = 0
-        return
-    if not q.disturbed:
-        w.slides = w.told = 0
-        return
-    w.slides |= w.slid >= SLIDES_CYCLES * g.cycle
-    w.told |= w.unbalanced > g.cycle
-    w.silent = 0 if w.unbalanced else w.silent + 1
-
-
-@njit
-def is_left(g: Record, w: Record, fresh: bool) -> bool:
-    """Whether a fault in which sources slip has gone, or has become another one."""
-    return w.slides and ((fresh and w.quick > CLEARED) or (w.told and 8 * w.silent >= g.cycle))
 
 
 @njit
@@ -333,7 +250,7 @@ def next_state(g: Record, q: Record, c: Record, w: Record, fresh: bool) -> None:
 def hold_back(g: Record, q: Record, w: Record) -> None:
     """Zones that have not started wait while a balanced state moves as fast as a swing that has not been
     found yet."""
-    if not w.in_outer or w.unbalanced:
+    if not w.in_outer or w.unbalanced or w.rings:
         return
     rushes = 2 * w.quick > RUSHING and not q.was_started and not leaps(g, q, w)
     if rushes or (w.after and 2 * w.quick > RESTS):
@@ -477,6 +394,7 @@ RPSB = Function(
         ("quick", "f8"),  # ... in the last quarter
         ("leapt", "i8"),  # the disturbance began with a leap that no swing makes
         ("cleared", "i8"),  # a later leap in it, perhaps its clearing
+        ("rings", "i8"),  # the estimate moves, the samples do not
         ("after", "i8"),  # samples left for which a swing may follow that
         ("pace", "f8"),  # the swing's own
         ("steady", "i8"),  # samples of steady motion

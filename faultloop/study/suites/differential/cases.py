@@ -280,7 +280,7 @@ def channel(quick: bool) -> Iterator[Case]:
     yield Case("60 ms, load: too late, and told", on_line(channel={"delay_ms": 60.0}, duration_s=0.4),
                differential(), {"RA": late, "RB": late})  # fmt: skip
     switch = {"delay_ms": 5.0, "switch_at_s": [0.15], "switch_delay_ms": [12.0], "switch_asymmetry_ms": [4.0]}
-    found = Expected(False, event="PDIF1 ChAsym: of the ways")
+    found = Expected(False, event="PDIF1 ChAsym: the ways")
     yield Case("path 5 to 12 ms, ways that differ by 4 ms, load: told, harder rules",
                on_line(channel=switch, duration_s=0.5), by_channel, {"RA": found, "RB": found})  # fmt: skip
     ways = on_line(channel={"delay_ms": 6.0, "asymmetry_ms": 4.0}, duration_s=0.3)
