@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -60,6 +61,8 @@ def test_delays_that_vary_are_no_clock_that_jumps(jitter_ms: float, told: int) -
     assert all(end.node.rejected[Rejection.JUMP] == 0 for end in ends)
     assert all(np.abs(end.sums()).max() < (jitter_ms / 6 + 0.02) * AMPERES_PER_MS for end in ends)
     assert [shown(end, CH_ASYM) for end in ends] == [told, told]
+    if told:  # they vary, and do not differ
+        assert all(any(" and back vary by " in line for line in said(end)) for end in ends), said(ends[0])
     ends = pair((0, 0, 0), (77_000_000, 20_000, 0), **keys)
     assert run(ends, THROUGH, ways, samples=within, then=[(1000, FAULT)]) == [True, True]
 
@@ -90,6 +93,9 @@ def test_another_path_leaves_the_clock_alone(there_ms: float, back_ms: float) ->
         assert (int(far["switches"]), int(far["jumps"])) == (1, 0)
         assert int(end.w["age"][0]) < 100 and np.abs(end.sums()).max() < 0.01 * AMPERES_PER_MS
         assert shown(end, CH_ASYM) == (abs(differ_ms) > 1.5)
+        if abs(differ_ms) > 1.5:
+            found = [re.search(r" and back differ by (\S+) ms;", line) for line in said(end)]
+            assert [float(one[1]) for one in found if one] == [pytest.approx(abs(differ_ms), abs=0.06)]
         assert any("another path to relay number" in line for line in said(end))
 
 

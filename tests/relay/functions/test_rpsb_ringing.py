@@ -11,6 +11,7 @@ import pytest
 from faultloop.relay import Relay, RelaySettings
 from tests.load import load
 from tests.measured import Measured
+from tests.relay.network import play
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +75,8 @@ def test_a_three_phase_fault_that_rings_is_not_held_back(
     angle: float,
     measured: Measured,
 ) -> None:
-    """The estimate leaps for 50 ms, as at the fault's clearing, and moves on for 100, as in the swing after it;
-    in the samples the pairs stand still."""
+    """The estimate leaps for 50 ms, as at the fault's clearing, and moves on for 100, as in the swing after
+    it; in the samples the pairs stand still."""
     case = networks.draw(seed, number, kind)
     case |= {"where": "inside", "at": at, "type": of, "angle": angle, "resistance": 0.0}
     x, start = networks.record(case, 1500.0, 4)
@@ -86,3 +87,16 @@ def test_a_three_phase_fault_that_rings_is_not_held_back(
     measured("zone 1 for a fault that rings, RPSB on", beside, "ms")
     assert alone < 35.0
     assert beside < alone + 5.0
+
+
+def test_the_swing_after_a_fault_is_blocked_where_lines_ring(bench: ModuleType) -> None:
+    """Drawn faults outside that make it, lines of 50 to 300 km beside the relay's: they ring then, too."""
+    told = bench.settings("ideal")
+    alone = told.model_copy(update={"rpsb": None})
+    without = 0
+    for case in range(8):
+        data, _ = bench.scenario(np.random.default_rng([94703, case]), "after", "ideal")
+        x = bench.samples(data, False)
+        assert not [event for event in play(Relay(told), x) if event.trip], case
+        without += any(event.trip for event in play(Relay(alone), x))
+    assert without, "without RPSB a zone trips"
