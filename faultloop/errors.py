@@ -20,11 +20,16 @@ class InputError(ValueError):
         self.what = " ".join(what.split())
         self.file = None if file is None else str(file)
         self.key = key
-        super().__init__(": ".join(part for part in (self.file, self.key, self.what) if part))
+        super().__init__(": ".join(_printable(part) for part in (self.file, self.key, self.what) if part))
 
     def within(self, file: object) -> InputError:
         """The same error, with the file named (for code that parses text and does not know its file)."""
         return self if self.file else InputError(self.what, file=file, key=self.key)
+
+
+def _printable(text: str) -> str:
+    """A name may hold a line's end; the message is one line all the same."""
+    return text if text.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -42,14 +42,13 @@ def command(
 
 def _scenario(file: Path) -> dict[str, Any]:
     from faultloop.loop.doubts import scenario_doubts
-    from faultloop.loop.inputs import check_settings
-    from faultloop.loop.scenario import load_scenario
+    from faultloop.loop.inputs import check_expectations, load_inputs
     from faultloop.plant import Plant
-    from faultloop.relay import load_settings
+    from faultloop.relay import Relay
 
-    scenario = load_scenario(file)
-    settings = {place.name: load_settings(scenario.settings_path(place)) for place in scenario.relay}
-    check_settings(scenario, settings)
+    scenario, settings = load_inputs(file)
+    relays = {name: Relay(own, name) for name, own in settings.items() if not _code(own)}
+    check_expectations(scenario, relays)
     duration_s, relays = scenario.scenario.duration_s, len(scenario.relay)
     samples = round(duration_s * scenario.system.sampling_hz)
     return {
@@ -69,14 +68,12 @@ def _scenario(file: Path) -> dict[str, Any]:
 
 def _settings(file: Path) -> dict[str, Any]:
     from faultloop.loop.doubts import settings_doubts
-    from faultloop.relay import load_settings
+    from faultloop.relay import Relay, load_settings
 
     settings = load_settings(file)
     code = _code(settings)
     if not code:
-        from faultloop.relay.relay import estimator_of
-
-        estimator_of(settings)
+        Relay(settings)  # what it refuses
     return {
         "kind": "relay settings",
         "estimator": settings.estimator.method,

@@ -6,6 +6,7 @@ end the burden, the magnetising branch and the ferroresonance-suppression circui
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Annotated, Any, Literal
 
@@ -16,6 +17,8 @@ from faultloop.config.tables import NonNegative, Positive, Table
 
 REACTOR_QUALITY = 100.0
 TANK_QUALITY = 50.0
+MISTUNED = 0.1
+"""A circuit that passes the nominal frequency by so much more or less, or turned by as much, is none."""
 MAGNETIZING_VA = 30.0
 IRON_W = 20.0
 """Of the intermediate transformer, both at the tap's nominal voltage."""
@@ -121,3 +124,15 @@ def chosen_circuit(circuit: Named | CvtCircuit, burden_va: float | None, frequen
     """The circuit that is meant, with another burden where one is given."""
     found = named_circuit(circuit, frequency_hz) if isinstance(circuit, str) else circuit
     return found if burden_va is None else found.model_copy(update={"burden_va": burden_va})
+
+
+def what_mistunes(circuit: Named | CvtCircuit, burden_va: float | None, frequency_hz: float) -> str | None:
+    """What is wrong with a circuit that does not pass the nominal frequency; None where it does."""
+    over, under = chosen_circuit(circuit, burden_va, frequency_hz).transfer(2 * math.pi * frequency_hz)
+    passed = over(1j) / under(1j)
+    if abs(passed - 1) <= MISTUNED:
+        return None
+    return (
+        f"passes {abs(passed):.2f} of the voltage at {math.degrees(cmath.phase(passed)):.0f} degrees"
+        f" at {frequency_hz:g} Hz; a tuned circuit passes 1.00 at 0: see ce_nf, lc_h and burden_va"
+    )

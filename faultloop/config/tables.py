@@ -29,6 +29,8 @@ from faultloop.errors import InputError, nearest
 MOST_BYTES = 8 * 2**20
 """Of a TOML file that is read."""
 MOST_NESTED = 32
+LEAST, MOST = 1e-12, 1e12
+"""Of a number's size, but for 0."""
 
 
 class Table(BaseModel):
@@ -83,17 +85,24 @@ def _polar(value: Any) -> Any:
     return (found.real, found.imag)
 
 
-def _pair(value: tuple[float, float]) -> tuple[float, float]:
-    if not all(math.isfinite(v) for v in value):
-        raise ValueError("both numbers must be finite")
+def _sized(value: float) -> float:
+    """Outside of these sizes no quantity of a network is, and powers of it overflow."""
+    if value and not LEAST <= abs(value) <= MOST:
+        raise ValueError(f"is {value:g}; a number is 0, or from {LEAST:g} to {MOST:g} in size")
     return value
 
 
-Number = float
+def _pair(value: tuple[float, float]) -> tuple[float, float]:
+    if not all(math.isfinite(v) for v in value):
+        raise ValueError("both numbers must be finite")
+    return _sized(value[0]), _sized(value[1])
+
+
+Number = Annotated[float, AfterValidator(_sized)]
 """A finite number; TOML's 5 and 5.0 are the same, "5" is not a number."""
-Positive = Annotated[float, Field(gt=0)]
+Positive = Annotated[float, Field(gt=0), AfterValidator(_sized)]
 Poles = Literal["A", "B", "C", "AB", "BC", "CA", "ABC"]
-NonNegative = Annotated[float, Field(ge=0)]
+NonNegative = Annotated[float, Field(ge=0), AfterValidator(_sized)]
 Milliseconds = Annotated[float, Field(ge=0, le=1e7)]
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=64)]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
+from faultloop.config.place import RelayPlace
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
 from faultloop.relay import RelaySettings
@@ -13,6 +16,13 @@ from faultloop.relay.coordination import Doubt, load_doubts
 
 LEAST_LOAD_A = 1.0
 """Less current is no load: a line that is open, or charges a little."""
+DETECTOR_MS = 15.0
+"""Until the detector of breaker failure knows that a current is gone."""
+STUCK_MS = 1000.0
+"""A breaker that takes so long is one that fails."""
+ALIKE = 3.0
+"""Impedances or voltages that differ by more are in other units, or of another line: a primary value where a
+secondary one is meant, ohms of a kilometre, volts for kilovolts."""
 TURN = np.exp(2j * np.pi / 3 * np.arange(3)) / 3
 
 
@@ -27,17 +37,104 @@ def scenario_doubts(scenario: Scenario, settings: Mapping[str, RelaySettings], p
     samples = plant.history(round(scenario.system.sampling_hz / scenario.system.frequency_hz))
     for number, place in enumerate(scenario.relay):
         own = settings[place.name]
-        load = _load_ohm(samples[:, number])
+        v1, i1 = _positive_sequence(samples[:, number])
         found += settings_doubts(own, place.name)
-        found += _told(own, place.name, [] if load is None else load_doubts(own, load))
+        if abs(i1) >= LEAST_LOAD_A:
+            found += _told(own, place.name, load_doubts(own, complex(v1 / i1)))
+        found += _told(own, place.name, [*_standing(own, abs(v1), abs(i1))])
+        found += _told(own, place.name, [*_place_doubts(scenario, place, own)])
     return found
 
 
-def _load_ohm(samples: np.ndarray) -> complex | None:
-    """Positive-sequence voltage over current of one cycle (n, 6); None without a load."""
+def _positive_sequence(samples: np.ndarray) -> tuple[complex, complex]:
+    """Voltage and current, RMS, of one cycle (n, 6)."""
     turn = np.exp(-2j * np.pi * np.arange(len(samples)) / len(samples)) * np.sqrt(2) / len(samples)
     v1, i1 = ((turn @ samples).reshape(2, 3) * TURN).sum(axis=1)
-    return None if abs(i1) < LEAST_LOAD_A else complex(v1 / i1)
+    return complex(v1), complex(i1)
+
+
+def _standing(settings: RelaySettings, volts: float, amperes: float) -> Iterator[Doubt]:
+    """Stages that start at once, by the positive sequence that a run begins with."""
+    size = {"phase": 1.0, "phase-phase": math.sqrt(3), "positive-sequence": 1.0}
+    for key in ("pioc", "ptoc"):
+        for number, table in enumerate(getattr(settings, key), settings.first_place):
+            if (table.quantity, table.direction, table.when) != ("phase", "none", "always"):
+                continue
+            if settings.amperes(table.pickup_a, 0.0) < amperes:
+                least = amperes / settings.ct_ratio
+                what = f"{table.pickup_a:g} is below the load that the run begins with, {least:.4g} A"
+                yield Doubt(f"{key}[{number}].pickup_a", f"{what}: it starts at once; above that it is clear")
+    for key, sign in (("ptuv", 1), ("ptov", -1)):
+        for number, table in enumerate(getattr(settings, key), settings.first_place):
+            there = volts * size.get(table.quantity, math.inf) / settings.volts(1.0, 1.0)
+            if math.isfinite(there) and there > 0 and sign * (table.start_v - there) > 0:
+                side = ("above", "below") if sign > 0 else ("below", "above")
+                what = f"{table.start_v:g} is {side[0]} what the run begins with, {there:.4g} V"
+                yield Doubt(
+                    f"{key}[{number}].start_v", f"{what}: it starts at once; {side[1]} that it is clear"
+                )
+
+
+def _place_doubts(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
+    """Settings that do not go with where the relay is."""
+    named = f"relay '{place.name}'"
+    for key, wanted, has in (
+        ("rrec", "breaker", place.breaker),
+        ("rbrf", "breaker", place.breaker),
+        ("rsyn", "synchro_vt", place.synchro_vt),
+        ("line.z0m_ohm", "parallel", place.parallel),
+    ):
+        table: Any = settings
+        for part in key.split("."):
+            table = getattr(table, part)
+        if table is not None and not has:
+            yield Doubt(key, f"needs {wanted} of {named} in the scenario; without it nothing comes of it")
+    if place.parallel is not None and settings.line.z0m_ohm is None:
+        what = f"missing: without it {named} does nothing with the parallel line's current (parallel)"
+        yield Doubt("line.z0m_ohm", what)
+    if place.back_trip and settings.rbrf is None:
+        yield Doubt("rbrf", f"missing: without it {named} never tells the breakers of back_trip to open")
+    yield from _breaker_times(scenario, place, settings)
+    yield from _units(scenario, place, settings)
+
+
+def _breaker_times(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
+    """Waits that end before the breaker has done what they wait for."""
+    breaker = next((b for b in scenario.breaker if b.name == place.breaker), None)
+    if breaker is None or breaker.operate_ms >= STUCK_MS:
+        return
+    cycle = 1e3 / scenario.system.frequency_hz
+    opening = breaker.operate_ms + cycle  # to the last current zero
+    waits = []
+    if settings.rbrf is not None:
+        waits.append(("rbrf.backup_ms", settings.rbrf.backup_ms, opening + DETECTOR_MS, "back-trips"))
+        if settings.ptrc.mode == "single-pole":
+            done = opening + DETECTOR_MS
+            waits.append(("rbrf.retrip_ms", settings.rbrf.retrip_ms, done, "opens three poles"))
+    if settings.rrec is not None:
+        waits.append(("rrec.open_wait_ms", settings.rrec.open_wait_ms, opening, "ends in lockout"))
+        waits.append(
+            ("rrec.close_pulse_ms", settings.rrec.close_pulse_ms, breaker.close_ms, "ends in lockout")
+        )
+    for key, given, least, outcome in waits:
+        if given <= least:
+            what = f"{given:g} is over before breaker '{breaker.name}' is done, and {outcome} each time"
+            yield Doubt(key, f"{what}; above {least:g}")
+
+
+def _units(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
+    """Values that are not those of the scenario's line and voltage, by far."""
+    line = next(line for line in scenario.line if line.name == place.line)
+    unit = settings.ohm_ratio
+    for key, own, there in (
+        ("line.z1_ohm", settings.z1_ohm / unit, line.z1_ohm / unit),
+        ("line.z0_ohm", settings.z0_ohm / unit, line.z0_ohm / unit),
+        ("relay.nominal_kv", settings.relay.nominal_kv, scenario.system.base_kv),
+    ):
+        if own is not None and not 1 / ALIKE <= abs(own) / abs(there) <= ALIKE:
+            given = f"{own:.4g}, of {abs(own):.4g} in size," if isinstance(own, complex) else f"{own:g}"
+            what = f"{given} is {abs(own) / abs(there):.3g} of what the scenario has, {abs(there):.4g}"
+            yield Doubt(key, f"{what}; see the unit, and relay.ohms")
 
 
 def _told(settings: RelaySettings, relay: str, doubts: list[Doubt]) -> list[str]:

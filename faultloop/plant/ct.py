@@ -88,10 +88,8 @@ class Ct(Component):
             )
         most = MOST_REMANENCE[self.core]
         if abs(self.remanence_pu) > most:
-            raise ValueError(
-                f"remanence_pu of class {self.core} must be from {-most:g} to {most:g}, "
-                f"not {self.remanence_pu:g}"
-            )
+            must = f"from {-most:g} to {most:g}" if most else "0"
+            raise ValueError(f"remanence_pu of class {self.core} must be {must}, not {self.remanence_pu:g}")
         if self.time_constant_s is not None and self.core == "TPX":
             raise ValueError('time_constant_s belongs to class = "TPY" or "TPZ"')
         return self

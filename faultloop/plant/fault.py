@@ -60,7 +60,7 @@ class Fault(Component):
     """From the common point to ground."""
     arc_kv: Annotated[float, Field(gt=0, le=1e3)] | None = None
     """Peak voltage of an arc in each faulted phase, before the resistances: nearly the same at any current
-    (some 1.2 kV for each metre of its length); none where not given."""
+    (some 1.2 kV for each metre of its length); none where not given.  Of faults to ground only."""
     duration_s: Annotated[float, Field(gt=0, le=1e6)] | None = None
     """Removed after this time, each phase at its current zero; permanent where not given."""
 
@@ -76,6 +76,12 @@ class Fault(Component):
             raise ValueError("give either start_s or angle_deg (with after_s)")
         if self.ground_ohm and not self.type.endswith("G"):
             raise ValueError(f"ground_ohm belongs to a fault to ground, not to {self.type}")
+        if self.arc_kv is not None and not self.type.endswith("G"):
+            # its varistors see each other alone, and take their currents from ground (`varistor.conduct`)
+            raise ValueError(
+                f"arc_kv belongs to a fault to ground: of {self.type} no current would be found; take "
+                f"{self.type}G, or in its place resistance_ohm, 4 / pi of the arc's voltage over the current's peak"
+            )
         return self
 
     def check(self, tables: PlantTables) -> None:

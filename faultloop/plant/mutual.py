@@ -82,6 +82,13 @@ class Mutual(Component):
                 f"from there '{a.name}' and '{b.name}' run side by side for {longest:g} km at most",
                 key=self.key("from_km" if self.length_km is None else "length_km"),
             )
+        least = 2 * SAME_POINT * max(a.length_km, b.length_km)
+        if length < least:
+            raise InputError(
+                f"{length:g} km are no length beside lines of {a.length_km:g} and {b.length_km:g} km; at "
+                f"least {least:g}",
+                key=self.key("lines" if self.length_km is None else "length_km"),
+            )
         first, second = begin[0] / a.length_km, begin[1] / b.length_km
         return (first, first + length / a.length_km), (second, second + sign * length / b.length_km)
 

@@ -17,10 +17,11 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, model_validator
 
-from faultloop.config.cvt_circuit import Circuit, chosen_circuit
+from faultloop.config.cvt_circuit import Circuit, chosen_circuit, what_mistunes
 from faultloop.config.tables import NonNegative, Positive
+from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.plant.component import Component
+from faultloop.plant.component import Component, PlantTables
 from faultloop.plant.elements import Complex, Floats, Ints
 
 MODES = 6
@@ -50,6 +51,12 @@ class Vt(Component):
         if self.model == "ideal" and not (self.circuit is None and self.burden_va is None):
             raise ValueError('circuit and burden_va belong to model = "cvt"')
         return self
+
+    def check(self, tables: PlantTables) -> None:
+        if self.circuit is not None:
+            what = what_mistunes(self.circuit, self.burden_va, tables.system.frequency_hz)
+            if what is not None:
+                raise InputError(what, key=self.key("circuit"))
 
     def modes(self, frequency_hz: float) -> tuple[Complex, Complex]:
         """Poles and residues [1/s]; of a conjugate pair the upper one, its residue doubled."""

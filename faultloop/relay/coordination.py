@@ -62,8 +62,10 @@ class Zone(NamedTuple):
 
 def doubts(settings: RelaySettings) -> list[Doubt]:
     """What the zones are set to do that may not be meant."""
-    found = [*_beyond(settings), *_under_load_area(settings)]
-    for one, other in combinations(settings.tripping_zones, 2):
+    extended = None if settings.rrec is None else settings.rrec.extension_zone  # beyond the line, and meant
+    zones = [zone for zone in settings.tripping_zones if zone.table.zone != extended]
+    found = [*_beyond(settings, zones), *_under_load_area(settings)]
+    for one, other in combinations(zones, 2):
         near, far = sorted((one, other), key=lambda zone: zone.table.zone)
         if near.table.zone != far.table.zone and near.table.direction == far.table.direction:
             found += _out_of_order(near, far)
@@ -128,8 +130,8 @@ def _out_of_order(near: Zone, far: Zone) -> Iterator[Doubt]:
             return
 
 
-def _beyond(settings: RelaySettings) -> Iterator[Doubt]:
-    for zone in settings.tripping_zones:
+def _beyond(settings: RelaySettings, zones: list[Zone]) -> Iterator[Doubt]:
+    for zone in zones:
         soonest, ground = min(zone.delays), _along_ground(settings, zone)
         key = f"{zone.key}.residual_compensation_factor"
         if ground < LEAST_OF_GROUND * zone.along:

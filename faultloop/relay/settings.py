@@ -6,7 +6,6 @@ One rule for units: with ``ohms = "secondary"`` every ohm, ampere and volt in th
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property, lru_cache
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, PrivateAttr, create_model, model_validator
 
-from faultloop.config.cvt_circuit import Circuit, Fraction, chosen_circuit
+from faultloop.config.cvt_circuit import Circuit, Fraction, chosen_circuit, what_mistunes
 from faultloop.config.override import set_key, split_override
 from faultloop.config.tables import ComplexOhm, NonNegative, Positive, Table, parse_toml, read_text, validate
 from faultloop.errors import InputError
@@ -27,9 +26,6 @@ from faultloop.relay.cvt import inverse
 from faultloop.relay.estimators.protection import refusal
 from faultloop.relay.functions import FUNCTIONS
 from faultloop.relay.functions.function import Function
-
-MISTUNED = 0.1
-"""A circuit that passes the nominal frequency by so much more or less, or turned by as much, is none."""
 
 
 class Header(Table):
@@ -261,13 +257,8 @@ def _check(settings: RelaySettings, path: Path | None) -> None:
         what = f"'{method}' is none for distance zones: {reason}; take 'kalman-bank', or say unsafe = true"
         raise InputError(what, file=path, key="estimator.method")
     if settings.vt.circuit is not None:
-        over, under = settings._transfer(settings.vt.circuit)
-        passed = over(1j) / under(1j)
-        if abs(passed - 1) > MISTUNED:
-            what = (
-                f"passes {abs(passed):.2f} of the voltage at {math.degrees(cmath.phase(passed)):.0f} degrees"
-                f" at {settings.relay.frequency_hz} Hz; a tuned circuit passes 1.00 at 0: see ce_nf and lc_h"
-            )
+        what = what_mistunes(settings.vt.circuit, settings.vt.burden_va, settings.relay.frequency_hz)
+        if what is not None:
             raise InputError(what, file=path, key="vt.circuit")
     for function in FUNCTIONS:
         if function.check is not None and settings.tables(function):

@@ -96,6 +96,33 @@ def test_check_finds_what_is_wrong(capsys: Capture, tmp_path: Path) -> None:
         assert "s.toml: estimator.method: unknown estimator 'furier': did you mean 'fourier'" in told
 
 
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ('[estimator]\nmethod = "furier"', "s.toml: estimator.method: unknown estimator 'furier'"),
+        ('[rrec]\nstarts = ["PDIS9"]', "s.toml: rrec.starts: there is no function 'PDIS9'"),
+        ("", "ag-zone1.toml: expect[0].function: relay 'RA' has no function 'PDIS9'"),
+    ],
+)
+def test_check_of_a_scenario_refuses_what_a_run_does(
+    capsys: Capture, tmp_path: Path, table: str, told: str
+) -> None:
+    function = "PDIS1" if table else "PDIS9"
+    settings = (ROOT / "scenarios" / "settings" / "ab-mho.toml").read_text(encoding="utf-8")
+    (tmp_path / "s.toml").write_text(f"{settings}\n{table}\n", encoding="utf-8")
+    text = AG.read_text(encoding="utf-8").replace("settings/ab-mho.toml", "s.toml")
+    path = tmp_path / AG.name
+    path.write_text(text.replace('function = "PDIS1"', f'function = "{function}"'), encoding="utf-8")
+    assert told in refused(capsys, "check", path)
+    assert told in refused(capsys, "run", path)
+
+
+def test_a_line_end_in_a_name_makes_no_second_line(capsys: Capture, tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(AG.read_text(encoding="utf-8").replace('name = "QA"', 'name = "Q\\nA"'), encoding="utf-8")
+    assert r"breaker[Q\nA].name: " in refused(capsys, "check", path)
+
+
 @pytest.mark.parametrize("path", sorted((ROOT / "campaigns").glob("*.toml")), ids=lambda path: path.stem)
 def test_check_of_a_campaign(capsys: Capture, path: Path) -> None:
     told = json.loads(out_of(capsys, "check", path, "--json"))

@@ -129,7 +129,7 @@ def test_the_cores_step_is_stable_and_near_at_the_plants_own(case: str, rate: in
         ({"burden_ohm": [0.0, 1.0]}, "some resistance"),
         ({"remanence_pu": 1.2}, r"ct\[T\]: remanence_pu of class TPX must be from -1 to 1, not 1.2"),
         ({"class": "TPY", "remanence_pu": 0.3}, "remanence_pu of class TPY must be from -0.1 to 0.1"),
-        ({"class": "TPZ", "remanence_pu": -0.1}, "remanence_pu of class TPZ must be from -0 to 0"),
+        ({"class": "TPZ", "remanence_pu": -0.1}, "remanence_pu of class TPZ must be 0, not -0.1"),
         ({"class": "TPS"}, r"ct\[T\].class: input should be 'TPX', 'TPY' or 'TPZ'"),
         ({"time_constant_s": 0.1}, 'time_constant_s belongs to class = "TPY" or "TPZ"'),
         ({"class": "TPY", "time_constant_s": 1e-4}, r"ct\[T\].time_constant_s: 0.0001 s is no more than"),
@@ -157,6 +157,10 @@ def test_wrong_current_transformers(ct: dict[str, Any], message: str) -> None:
         ),
         ({"circuit": {"ce_nf": 10.0, "rf_ohm": 1e5, "cf_nf": 3.0}}, "cf_nf needs lf_h"),
         ({"circuit": OWN | {"rf": 1.0}}, r"vt\[V\].circuit.rf: unknown key; did you mean 'rf_ohm'"),
+        (
+            {"burden_va": 1e9},
+            r"vt\[V\].circuit: passes 0.00 of the voltage at .* see ce_nf, lc_h and burden_va",
+        ),
         ({"circuit": {"rf_ohm": 1e5}}, r"vt\[V\].circuit.ce_nf: missing"),
     ],
 )

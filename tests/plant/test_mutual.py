@@ -227,6 +227,7 @@ def test_a_pair_is_passive() -> None:
         ({"r0m_ohm_per_km": 0.3}, r"r0m_ohm_per_km: 0.3 is not below"),
         ({"b0m_us_per_km": 2.6}, r"b0m_us_per_km: 2.6 is not below"),
         ({"length_km": 101.0}, r"length_km: from there 'L1' and 'L2' run side by side for 100 km at most"),
+        ({"length_km": 1e-9}, r"length_km: 1e-09 km are no length beside lines of 100 and 100 km; at least"),
         ({"from_km": [10.0, 10.0]}, "from_km and direction belong together"),
         (
             {"from_km": [100.0, 10.0], "direction": "same"},

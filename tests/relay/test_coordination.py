@@ -44,6 +44,15 @@ def test_a_higher_zone_that_reaches_less_far_is_told(changed: dict[str, Any], ke
     assert words in doubt.text
 
 
+def test_a_zone_extension_is_beyond_the_line_and_meant() -> None:
+    extension = {"zone": 5, "reach_pu": 1.3}
+    assert [doubt.key for doubt in settings(ZONE1, ZONE2, extension).doubts] == [
+        "pdis[3].reach_pu",
+        "pdis[3].delay_ms",
+    ]
+    assert settings(ZONE1, ZONE2, extension, rrec={"extension_zone": 5}).doubts == []
+
+
 @pytest.mark.parametrize(
     ("first", "second", "key"),
     [

@@ -121,7 +121,7 @@ GOOD: dict[str, Any] = {
             {"kind": "cvt", "circuit": {"ce_nf": 1.0, "lc_h": 10.0, "rf_ohm": 3e6}},
             "vt.circuit",
             "passes 0.33 of the voltage at 103 degrees at 50 Hz; a tuned circuit passes 1.00 at 0: see ce_nf"
-            " and lc_h",
+            ", lc_h and burden_va",
         ),
         ({"kind": "cvt", "circuit": {"ce_nf": 100.0}}, "vt.circuit.rf_ohm", "missing; it has no default"),
     ],

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import ConfigDict, Field
 
-from faultloop.config.tables import Number, Table
+from faultloop.config.tables import Table
 from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.relay.entry import call_entry
@@ -33,7 +33,7 @@ class ElementSettings(Table):
     """Of its bits, and in a trip; not that of a built-in function."""
     function: Annotated[str, Field(pattern=r"^(.+:)?[A-Za-z_][A-Za-z0-9_-]*$")]
     """``file.py:NAME`` relative to the settings file, ``package.module:NAME``, or an entry point's name."""
-    state: tuple[Number, ...] = Field(default=(), strict=False, max_length=4096)
+    state: tuple[float, ...] = Field(default=(), strict=False, max_length=4096)
     """Of a plain step: what its state array starts with."""
     trip: bool = False
     """Whether its operate trips."""

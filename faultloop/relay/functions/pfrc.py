@@ -1,7 +1,9 @@
 """PFRC: rate of change of frequency.
 
 The rate is the difference of two frequencies `window_ms` apart, over that time.  A jump of the phase is in
-one of the two for a cycle and as long as the estimator takes, so the rate must stand for three cycles.
+one of the two for a cycle and as long as the estimator takes, so the rate must stand for three cycles.  For
+fifteen cycles after a voltage has come nothing is measured: an estimator that adapts and begins off the
+nominal frequency swings about the right one, by a tenth of the distance, until then.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from faultloop.relay.quantities import Record, publish, request_trip
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
+SETTLING_CYCLES = 15
+"""Of a frequency, from when there is a voltage."""
 VALUES = 64
 """Frequencies in a window."""
 _SIDE = {"falling": -1, "rising": 1, "both": 0}
@@ -51,6 +55,7 @@ def values(settings: RelaySettings, table: Pfrc) -> dict[str, Any]:
         "side": _SIDE[table.side],
         "every": every,
         "window": max(round(settings.samples(table.window_ms) / every), 1),
+        "settling": round(SETTLING_CYCLES * cycle),
         "delay": max(settings.samples(table.delay_ms), round(JUMP_CYCLES * cycle)),
         "minimum": settings.volts(table.minimum_v, 0.0),
         "trips": table.trip,
@@ -76,7 +81,8 @@ def measure(g: Record, q: Record, c: Record, w: Record) -> None:
 @njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample of a stage."""
-    if is_measured(g, q, c.minimum):
+    w.there = w.there + 1 if is_measured(g, q, c.minimum) else 0
+    if w.there > c.settling:
         measure(g, q, c, w)
     else:
         w.filled = w.tick = 0
@@ -99,12 +105,14 @@ PFRC = Function(
         ("side", "i8"),
         ("every", "i8"),  # samples between two values
         ("window", "i8"),  # values in the window
+        ("settling", "i8"),  # samples
         ("delay", "i8"),
         ("minimum", "f8"),
         ("trips", "i8"),
     ),
     values=values,
     state=(
+        ("there", "i8"),  # samples with a voltage
         ("ring", "f8", (VALUES,)),
         ("head", "i8"),
         ("tick", "i8"),

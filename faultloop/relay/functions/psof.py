@@ -156,6 +156,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
         return
     if w.operated:  # until the current has gone
         w.operated = q.dead != THREE_PHASE and not is_dead(g, q)
+        w.count = w.count if w.operated else 0
     else:
         w.count = w.count + 1 if arm(g, q, c, w) and within(g, q, c, w.proven) else 0
         w.operated = w.count > c.delay

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
 SHOTS = 8
+LEAST_RECLAIM_MS = 100.0
+"""A fault that is still there has been tripped for again by then, in a zone without delay."""
 READY, TRIPPED, DEAD, WAIT, CLOSING, RECLAIM, LOCKOUT = range(7)
 OPENED, DELAYED, LAST, GREW, STAYS, NO_RELEASE, NO_VOLTAGE, STILL_OPEN, MOVED, FAILED = range(10)
 CAUSES = (
@@ -58,7 +60,7 @@ class Rrec(Table):
     """After a three-pole trip, one for each shot; empty: lockout after every three-pole trip."""
     reclaim_ms: Milliseconds = 5000.0
     """So long after closing a trip counts as the same fault; and so long the breaker must be closed to be
-    ready again."""
+    ready again.  At least 100 ms and the longest delay of the zones that start it."""
     starts: tuple[str, ...] | None = Field(default=None, strict=False)
     """Functions after whose trip is reclosed, such as ["PDIS1"]; the zones without delay and the pilot
     scheme where not given."""
@@ -103,6 +105,17 @@ def values(settings: RelaySettings, table: Rrec) -> dict[str, Any]:
     }
 
 
+def longest_delay_ms(settings: RelaySettings, table: Rrec) -> float:
+    """Of the zones that start it."""
+    starting = starters(settings, table)
+    delays = [
+        max(zone.delay_ms, zone.delay_phase_ms or 0.0, zone.delay_ground_ms or 0.0)
+        for place, zone in enumerate(settings.pdis, 1)
+        if f"PDIS{place}" in starting
+    ]
+    return max(delays, default=0.0)
+
+
 def check(settings: RelaySettings) -> None:
     """One-pole dead times and one-pole trips go together; the zone that is extended is there."""
     table = settings.rrec
@@ -117,6 +130,13 @@ def check(settings: RelaySettings) -> None:
         raise InputError(
             "there is no shot; give at least one dead time, such as [300]", key="rrec.dead_three_pole_ms"
         )
+    least = LEAST_RECLAIM_MS + longest_delay_ms(settings, table)
+    if table.reclaim_ms < least:
+        what = (
+            f"is {table.reclaim_ms:g}: a fault that is still there would be a new one, and reclosed after "
+            f"without end; at least {least:g}, some seconds as a rule"
+        )
+        raise InputError(what, key="rrec.reclaim_ms")
     if table.extension_zone is not None:
         zones = list(dict.fromkeys(zone.zone for zone in settings.pdis))
         if table.extension_zone not in zones:

@@ -71,6 +71,15 @@ def test_a_rate_trips_on_its_side_above_its_limit(side: str, rate: float, operat
         assert 0.4 + 0.075 + 0.1 <= found[0] < 0.4 + 0.075 + 0.1 + 0.05
 
 
+@pytest.mark.parametrize("hertz", [46.0, 48.5, 52.5])
+def test_a_relay_that_begins_off_the_nominal_frequency_sees_no_rate(hertz: float) -> None:
+    """The default estimator, with empty filters, swings about the right frequency for 0.3 s."""
+    x = waves(lambda t: hertz, 1.2)
+    assert trips({"pfrc": [{"start_hz_per_s": 0.5, "delay_ms": 0.0}]}, x) == []
+    x[: round(0.4 * FS), :3] = 0.0  # and so where the voltage comes later
+    assert trips({"pfrc": [{"start_hz_per_s": 0.5, "delay_ms": 0.0}]}, x) == []
+
+
 @pytest.mark.parametrize("volts", [0.0, 0.05])
 def test_below_a_voltage_there_is_no_frequency(volts: float) -> None:
     x = waves(lambda t: 50 - 2 * np.maximum(t - 0.4, 0), 1.5)

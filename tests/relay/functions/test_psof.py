@@ -50,6 +50,19 @@ def operated_after(k: Kernel, most: int = 3000) -> int | None:
     return None
 
 
+def test_what_has_operated_does_not_come_again_with_phasors_that_decay() -> None:
+    """The poles open, and the phasors are not yet nothing."""
+    k = dead_line()
+    energised(k, 0.5 * Z1)
+    assert operated_after(k) == DELAY
+    k.q["dead"] = 7
+    words = []
+    for _ in range(20):
+        k.step()
+        words.append(int(k.q["operate"]))
+    assert not any(words)
+
+
 @pytest.mark.parametrize("z", [0.02 * Z1, 0.5 * Z1, 1.1 * Z1, -0.3 * Z1, 12.0 + 0j])
 def test_a_short_impedance_trips_three_poles_after_the_delay(z: complex) -> None:
     k = dead_line()

@@ -176,6 +176,18 @@ def test_by_default_the_zones_without_delay_start_it() -> None:
             "rrec.extension_zone",
             "no reclosing follows a trip of PDIS2; name it in rrec.starts, or give it no delay",
         ),
+        (
+            {"rrec": {"reclaim_ms": 0.0}, "pdis": ZONES},
+            "rrec.reclaim_ms",
+            "is 0: a fault that is still there would be a new one, and reclosed after without end; at least "
+            "100, some seconds as a rule",
+        ),
+        (
+            {"rrec": {"reclaim_ms": 300.0, "starts": ["PDIS1", "PDIS2"]}, "pdis": ZONES},
+            "rrec.reclaim_ms",
+            "is 300: a fault that is still there would be a new one, and reclosed after without end; at "
+            "least 400, some seconds as a rule",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(data: dict[str, Any], key: str, what: str) -> None:

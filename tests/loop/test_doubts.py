@@ -1,0 +1,118 @@
+"""Settings that do not go with where the relay is: told, with the key and what would be right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from faultloop.loop.doubts import scenario_doubts
+from faultloop.loop.inputs import load_inputs
+from faultloop.loop.scenario import Scenario
+from faultloop.plant import Plant
+from faultloop.relay import RelaySettings
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+OWN = {
+    "relay": {"frequency_hz": 50, "nominal_kv": 220},
+    "line": {"z1_ohm": [6.0, 40.0], "z0_ohm": [24.0, 120.0]},
+    "pdis": [{"zone": 1, "reach_pu": 0.8}],
+}
+
+
+def doubts(tables: dict[str, Any], *overrides: str, **changes: Any) -> list[str]:
+    """Of relay RA alone."""
+    scenario = Scenario.read(SCENARIOS / "ag-zone1.toml", overrides)
+    own = RelaySettings.from_dict(OWN | {"ptrc": {}} | tables)
+    place = scenario.relay[0].model_copy(update=changes)
+    scenario = scenario.model_copy(update={"relay": (place,)})
+    found = scenario_doubts(scenario, {"RA": own}, Plant(scenario))
+    assert all(text.startswith("settings of relay 'RA': ") for text in found)
+    return [text.removeprefix("settings of relay 'RA': ") for text in found]
+
+
+@pytest.mark.parametrize(
+    ("tables", "changes", "told"),
+    [
+        ({"rrec": {}}, {"breaker": None}, "rrec: needs breaker of relay 'RA' in the scenario"),
+        ({"rbrf": {"current_a": 200.0}}, {"breaker": None}, "rbrf: needs breaker of relay 'RA'"),
+        ({"rsyn": {}}, {}, "rsyn: needs synchro_vt of relay 'RA'"),
+        (
+            {"line": OWN["line"] | {"z0m_ohm": [10.0, 60.0]}},
+            {},
+            "line.z0m_ohm: needs parallel of relay 'RA' in the scenario",
+        ),
+        ({}, {"back_trip": ("QB",)}, "rbrf: missing: without it relay 'RA' never tells the breakers"),
+        (
+            {"rbrf": {"current_a": 200.0, "backup_ms": 60.0}},
+            {},
+            "rbrf.backup_ms: 60 is over before breaker 'QA' is done, and back-trips each time; above 75",
+        ),
+        (
+            {"rbrf": {"current_a": 200.0}, "ptrc": {"mode": "single-pole"}},
+            {},
+            "rbrf.retrip_ms: 20 is over before breaker 'QA' is done, and opens three poles each time; above",
+        ),
+        ({"rrec": {"open_wait_ms": 0.0}}, {}, "rrec.open_wait_ms: 0 is over before breaker 'QA' is done"),
+        (
+            {"rrec": {"close_pulse_ms": 50.0}},
+            {},
+            "rrec.close_pulse_ms: 50 is over before breaker 'QA' is done, and ends in lockout each time; "
+            "above 80",
+        ),
+        (
+            {"relay": {"frequency_hz": 50, "nominal_kv": 220e3}},
+            {},
+            "relay.nominal_kv: 220000 is 1e+03 of what the scenario has, 220; see the unit, and relay.ohms",
+        ),
+        (
+            {"line": {"z1_ohm": [0.06, 0.4], "z0_ohm": [24.0, 120.0]}},
+            {},
+            "line.z1_ohm: 0.06+0.4j, of 0.4045 in size, is 0.01 of what the scenario has, 40.45",
+        ),
+        ({"pioc": [{"pickup_a": 200.0}]}, {}, "pioc[1].pickup_a: 200 is below the load"),
+        ({"ptoc": [{"pickup_a": 200.0}]}, {}, "ptoc[1].pickup_a: 200 is below the load"),
+        ({"ptuv": [{"start_v": 180e3}]}, {}, "ptuv[1].start_v: 180000 is above what the run begins with"),
+        ({"ptov": [{"start_v": 70.0}]}, {}, "ptov[1].start_v: 70 is below what the run begins with"),
+        (
+            {"ptuv": [{"start_v": 230e3, "quantity": "phase-phase"}]},
+            {},
+            "ptuv[1].start_v: 230000 is above what the run begins with",
+        ),
+    ],
+)
+def test_what_does_not_go_together_is_told(
+    tables: dict[str, Any], changes: dict[str, Any], told: str
+) -> None:
+    (text,) = doubts(tables, **changes)
+    assert text.startswith(told)
+
+
+def test_what_goes_together_is_not() -> None:
+    tables = {
+        "rrec": {},
+        "rbrf": {"current_a": 200.0},
+        "pioc": [{"pickup_a": 5000.0}, {"pickup_a": 200.0, "direction": "reverse"}],
+        "ptoc": [{"pickup_a": 800.0}, {"pickup_a": 100.0, "quantity": "residual"}],
+        "ptuv": [{"start_v": 100e3}, {"start_v": 170e3, "quantity": "phase-phase"}],
+        "ptov": [{"start_v": 150e3}, {"start_v": 10e3, "quantity": "residual"}],
+    }
+    assert doubts(tables) == []
+    assert doubts(tables, "breaker.QA.operate_ms=60000") == []  # one that fails, and is meant to
+
+
+def test_secondary_values_are_told_in_secondary_ones() -> None:
+    tables = {
+        "relay": {"frequency_hz": 50, "ohms": "secondary", "ct_ratio": 1000.0, "vt_ratio": 2000.0},
+        "line": {"z1_ohm": [3.0, 20.0], "z0_ohm": [12.0, 60.0]},
+        "pioc": [{"pickup_a": 0.1}],
+    }
+    (text,) = doubts(tables)
+    assert text.startswith("pioc[1].pickup_a: 0.1 is below the load that the run begins with, 0.")
+
+
+@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.toml")), ids=lambda path: path.stem)
+def test_no_shipped_scenario_is_doubted(path: Path) -> None:
+    inputs = load_inputs(path)
+    assert scenario_doubts(inputs.scenario, inputs.settings, Plant(inputs.scenario)) == []
