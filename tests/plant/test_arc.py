@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from faultloop.errors import InputError
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
 from tests.measured import Measured
@@ -42,6 +43,15 @@ def test_the_current_is_an_ode_solvers(measured: Measured) -> None:
         error = np.abs(x[:, 3 + phase] - exact).max() / np.abs(exact).max()
         measured("error of the current", 100 * error, "% of the peak")
         assert error < 0.005
+
+
+@pytest.mark.parametrize("kind", ["AB", "BC", "ABC"])
+def test_arcs_that_only_see_each_other_are_refused(kind: str) -> None:
+    """Phase by phase they find no current: the fault would not be there."""
+    with pytest.raises(
+        InputError, match=f"fault\\[F\\]: arc_kv belongs to a fault to ground: .* take {kind}G"
+    ):
+        plant(type=kind, start_s=0.0)
 
 
 def test_a_relay_measures_the_fundamental_of_a_rectangle_as_resistance() -> None:
