@@ -34,6 +34,7 @@ from faultloop.cli import (
     suite,
     why,
 )
+from faultloop.cli.completion import complete_at_the_first_tab
 from faultloop.cli.terminal import prepare_streams, warn
 from faultloop.errors import InputError
 
@@ -73,6 +74,7 @@ def _options(
 def call(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status.  Every wrong input is one line on standard error."""
     prepare_streams()
+    complete_at_the_first_tab()
     try:
         with _terminable():
             given = None if arguments is None else list(arguments)

@@ -14,21 +14,43 @@ class Kind(StrEnum):
     scenario = "scenario"
     relay = "relay"
     campaign = "campaign"
+    run = "run"
+    replay = "replay"
+    channels = "channels"
+    check = "check"
     review = "review"
     why = "why"
+    why_at = "why-at"
+    locate = "locate"
+    diff = "diff"
+    export = "export"
+    recover = "recover"
+    import_ = "import"
+    monitor = "monitor"
+    suite = "suite"
+    campaign_summary = "campaign-summary"
+    campaign_report = "campaign-report"
+    campaign_case = "campaign-case"
 
 
 def command(
-    kind: Annotated[Kind, typer.Argument(help="Of which file, or of which command's --json.")],
+    kind: Annotated[
+        Kind,
+        typer.Argument(
+            help="scenario, relay, campaign: of such a file.  Else of what a command prints with --json: "
+            "run, review ...; campaign-summary: of campaign; why-at: of why --at."
+        ),
+    ],
 ) -> int:
-    """JSON Schema of a scenario, settings or a campaign, for editors; of what review and why print."""
+    """JSON Schema of a scenario, settings or a campaign, for editors; of what commands print with --json."""
     from faultloop.cli.output import print_json
 
-    print_json({"$schema": "https://json-schema.org/draft/2020-12/schema"} | _schema(kind))
+    print_json({"$schema": "https://json-schema.org/draft/2020-12/schema"} | schema_of(kind))
     return 0
 
 
-def _schema(kind: Kind) -> dict[str, Any]:
+def schema_of(kind: Kind) -> dict[str, Any]:
+    """The schema, without its first line."""
     match kind:
         case Kind.scenario:
             from faultloop.loop.scenario import Scenario as model
@@ -36,12 +58,10 @@ def _schema(kind: Kind) -> dict[str, Any]:
             from faultloop.relay.settings import RelaySettings as model
         case Kind.campaign:
             from faultloop.config.campaign import CampaignTables as model
-        case Kind.review | Kind.why:
+        case _:
             from pydantic import TypeAdapter
 
-            from faultloop.review.facts import Summary
-            from faultloop.review.why import Reason
+            from faultloop.cli.printed import PRINTED
 
-            printed: Any = Summary if kind is Kind.review else list[Reason]
-            return TypeAdapter(printed).json_schema(mode="serialization")
+            return TypeAdapter(PRINTED[kind]).json_schema(mode="serialization")
     return model.model_json_schema(by_alias=True)

@@ -10,12 +10,14 @@ import numpy as np
 from faultloop.errors import InputError
 from faultloop.io.mcap_reader import Log, open_log
 from faultloop.io.mcap_writer import CHUNK_NS, LogWriter
-from faultloop.io.messages import BLOCK_SHAPES, SAMPLED, message_of, values
+from faultloop.io.messages import BLOCK_SHAPES, MESSAGES, SAMPLED, message_of, values
 from faultloop.io.output_file import parts_of
 from faultloop.io.recover import recover_log
 from faultloop.loop.recording import Attachments, Metadata
 
 SLICE_NS = CHUNK_NS
+STRETCH_NS = 50 * SLICE_NS
+"""So much of each log is in memory."""
 
 
 def merge(
@@ -48,27 +50,42 @@ def _opened(path: Path) -> tuple[Log | None, str | None]:
 
 
 def _write(logs: Sequence[Log], writer: LogWriter, start_ns: int) -> None:
+    """Stretch by stretch, so that no more of them is in memory."""
+    added: set[str] = set()
+    for log in logs:
+        for relay in log.relays:
+            if relay not in added:
+                writer.add_relay(relay, _bare_bits(log, relay), log.characteristics(relay))
+                added.add(relay)
+    ends = [t_ns + log.start_ns - start_ns for log in logs for t_ns in log.last_ns(*MESSAGES)]
+    last_ns = max(ends, default=-1)
+    for begin in range(0, last_ns + 1, STRETCH_NS):
+        _write_stretch(logs, writer, start_ns, (begin, begin + STRETCH_NS))
+
+
+def _write_stretch(logs: Sequence[Log], writer: LogWriter, start_ns: int, span: tuple[int, int]) -> None:
+    """Everything between two times; with the first also what was said before the start."""
     rare: list[tuple[int, str, str, Mapping[str, object]]] = []
     rows: dict[str, list[tuple[np.ndarray, ...]]] = {}
     for log in logs:
         shift = log.start_ns - start_ns
+        within = span[0] - shift, span[1] - shift
         for topic in log.topics:
             message = message_of(topic)
             if message is None or message in SAMPLED:
                 continue
             names = [field.name for field in message.fields]
-            for t_ns, *entry in log.array(topic).tolist():
+            since = within[0] if span[0] else None
+            for t_ns, *entry in log.array(topic, since, within[1]).tolist():
                 rare.append((t_ns + shift, topic, message.name, dict(zip(names, entry, strict=True))))
         for relay in log.relays:
-            if relay not in rows:
-                writer.add_relay(relay, _bare_bits(log, relay), log.characteristics(relay))
-            if len(log.samples(relay)):
-                rows.setdefault(relay, []).append(_columns(log, relay, shift))
+            columns = _columns(log, relay, shift, within)
+            if len(columns[0]):
+                rows.setdefault(relay, []).append(columns)
     rare.sort(key=lambda entry: entry[0])
     whole = {relay: _joined(parts) for relay, parts in rows.items()}
-    ends = [columns[0][-1] for columns in whole.values() if len(columns[0])] + [e[0] for e in rare[-1:]]
-    last_ns, k = max((int(end) for end in ends), default=-1), 0
-    for until in range(SLICE_NS, last_ns + SLICE_NS + 1, SLICE_NS):
+    k = 0
+    for until in range(span[0] + SLICE_NS, span[1] + 1, SLICE_NS):
         for relay, columns in whole.items():
             a, b = np.searchsorted(columns[0], (until - SLICE_NS, until))
             if b > a:
@@ -88,8 +105,8 @@ def _bare_bits(log: Log, relay: str) -> list[str]:
     ]
 
 
-def _columns(log: Log, relay: str, shift: int) -> tuple[np.ndarray, ...]:
-    found = [(shapes, log.array(message.topic_for(relay))) for message, shapes in BLOCK_SHAPES.items()]
+def _columns(log: Log, relay: str, shift: int, within: tuple[int, int]) -> tuple[np.ndarray, ...]:
+    found = [(shapes, log.array(kind.topic_for(relay), *within)) for kind, shapes in BLOCK_SHAPES.items()]
     n = min(len(rows) for _, rows in found)
     columns = [found[0][1]["t_ns"][:n] + shift, found[0][1]["sample_count"][:n]]
     for shapes, rows in found:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -81,6 +83,31 @@ def test_no_control_character_of_a_file_reaches_a_terminal(
 def test_errors_are_safe_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call(["channels", str(tmp_path / "\x1b]0;x\x07.cfg")]) == 2
     assert "\x1b" not in capsys.readouterr().err
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="needs-zsh: apt-get install zsh")
+def test_zsh_completes_at_the_first_tab(root: Path, tmp_path: Path) -> None:
+    """The installed file as zsh runs it then: read as the body of the function that completes."""
+    environment = os.environ | {
+        "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1",
+        "HOME": str(tmp_path),
+        "ZDOTDIR": str(tmp_path),
+        "PYTHONPATH": str(root),
+    }
+    program = [sys.executable, "-m", "faultloop"]
+    installed = [*program, "--install-completion", "zsh"]
+    subprocess.run(installed, env=environment, capture_output=True, check=True)
+    tab = f"""
+        faultloop() {{ {shlex.join(program)} "$@" }}
+        env() {{ while [[ $1 == *=* ]]; do export $1; shift; done; "$@" }}
+        compdef() {{ }}
+        _arguments() {{ print -r -- "$@" }}
+        fpath+=({tmp_path}/.zfunc); autoload -Uz _faultloop
+        words=(faultloop ca); CURRENT=2; _faultloop
+    """
+    done = subprocess.run(["zsh", "-fc", tab], env=environment, capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert all(name in done.stdout for name in ("campaign-report", "campaign-case"))
 
 
 def test_no_command_prints_the_help(capsys: pytest.CaptureFixture[str]) -> None:

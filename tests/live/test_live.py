@@ -11,9 +11,10 @@ import pytest
 import faultloop
 from faultloop.errors import InputError
 from faultloop.io.can.frames import Frame, SampledValues, decode
+from faultloop.io.mcap_reader import MOST_NS, Log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.live.clock import SECOND_NS, RunClock
-from faultloop.live.merge import merge
+from faultloop.live.merge import STRETCH_NS, merge
 from faultloop.live.stream import WAITS, BesideStream, SampleStream, quantised
 from faultloop.live.supervisor import run_processes
 from faultloop.loop.pacing import Deadlines, Percentiles
@@ -137,6 +138,42 @@ def test_logs_are_merged_in_order_of_time_and_a_killed_ones_is_recovered(tmp_pat
     assert [s.t_ns for s in states] == sorted(s.t_ns for s in states)
     assert [s.source for s in states[:4]] == ["RA", "QA", "RA", "QA"]
     assert len(states) == 20
+
+
+def test_long_logs_are_merged_in_stretches(tmp_path, monkeypatch):
+    """All rows and messages of both, in order, with no more than a stretch of a log in memory."""
+    start_ns, rate, seconds = 10**18, 100, 33
+    count = np.arange(rate * seconds)
+    t_ns = count * SECOND_NS // rate
+    for name, later in (("RA", 0), ("RB", 7 * SECOND_NS + 1)):  # the second node's log begins later
+        with LogWriter(tmp_path / f"{name}.mcap", start_ns + later) as log:
+            log.add_relay(name, ["PDIS1"], {})
+            for second in range(seconds):
+                part = slice(second * rate, (second + 1) * rate)
+                own, words = count[part, None].astype(float), np.zeros(rate, np.uint64)
+                columns = (own.repeat(6, 1), own.repeat(14, 1), own.repeat(12, 1), words, words)
+                log.relay_block(name, t_ns[part], count[part], *columns)
+                log.message(f"/relay/{name}/events", int(t_ns[part][-1]), "foxglove.Log", message=str(second))
+    asked, array = [], Log.array
+
+    def noted(log, topic, *span):
+        found = array(log, topic, *span)
+        if not span or span[1] < MOST_NS:  # `Log.last_ns` reads in windows of its own
+            asked.append(len(found))
+        return found
+
+    monkeypatch.setattr(Log, "array", noted)
+    merge([tmp_path / "RA.mcap", tmp_path / "RB.mcap"], tmp_path / "all.mcap", start_ns, {}, {})
+    monkeypatch.undo()
+    assert max(asked) * SECOND_NS / rate <= STRETCH_NS
+    whole = faultloop.open_log(tmp_path / "all.mcap")
+    for name, later in (("RA", 0), ("RB", 7 * SECOND_NS + 1)):
+        rows = whole.samples(name)
+        np.testing.assert_array_equal(rows["t_ns"], t_ns + later)
+        np.testing.assert_array_equal(rows["ic"], count)
+        np.testing.assert_array_equal(whole.loops(name)["ca_x"], count)
+    assert [e.message for e in whole.events if "RB" in e.topic] == [str(k) for k in range(seconds)]
+    assert [e.t_ns for e in whole.events] == sorted(e.t_ns for e in whole.events)
 
 
 def plant_node(scenario: Scenario, first: int, changes: list[tuple[int, str, int, int]]) -> PlantNode:
