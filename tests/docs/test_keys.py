@@ -28,6 +28,10 @@ def test_the_tables_are_those_of_the_models(keys: ModuleType, page: str) -> None
     assert set(keys.tables(keys.PAGES[page])) - shown <= {"relay.front_end"}  # as [front_end]
 
 
+def test_what_commands_print_is_that_of_their_types(keys: ModuleType) -> None:
+    assert (ROOT / "docs" / "json.md").read_text(encoding="utf-8") == keys.json_page(), "python docs/keys.py"
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_every_key_has_a_meaning(keys: ModuleType, page: str) -> None:
     for table in keys.tables(keys.PAGES[page]):

@@ -114,7 +114,7 @@ class Expectation(TypedDict):
 
 
 @told
-class Event(TypedDict):
+class RunEvent(TypedDict):
     """What a node said."""
 
     t_s: float
@@ -159,7 +159,7 @@ class Run(TypedDict):
     """What may not be meant so."""
     expectations: list[Expectation]
     """Each `[[expect]]`."""
-    events: list[Event]
+    events: list[RunEvent]
     """In order of time."""
 
 

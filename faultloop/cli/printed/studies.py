@@ -59,7 +59,7 @@ class Table(TypedDict):
 
 
 @told
-class Check(TypedDict):
+class FigureCheck(TypedDict):
     """A figure against its limit."""
 
     what: str
@@ -100,7 +100,7 @@ class Report(TypedDict):
     """Paragraphs."""
     tables: list[Table]
     """Below them."""
-    checks: list[Check]
+    checks: list[FigureCheck]
     """Figures against limits."""
 
 
