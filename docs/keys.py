@@ -26,8 +26,8 @@ PLACE = re.compile(r"<!-- keys: ([\w.]+) -->\n.*?<!-- end -->", re.DOTALL)
 JSON = """# What commands print with --json
 
 Made by `python docs/keys.py` from the types that the published schemas are made of: `faultloop schema NAME`
-prints the JSON Schema (2020-12) of each. Keys may be added, never taken away or renamed. Times `*_s` and
-`*_ns` count from the start of the run, `*_ms` from the fault's inception where nothing else is said; a number that
+prints the JSON Schema (2020-12) of each. Keys may be added, never taken away or renamed. Times `*_s`, `*_ns`
+count from the start of the run, `*_ms` from the fault's inception where nothing else is said; a number that
 is none (NaN) is null. Wrong input is one line on standard error, with exit status 2, and nothing on standard
 output.
 """
