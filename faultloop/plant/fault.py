@@ -79,8 +79,8 @@ class Fault(Component):
         if self.arc_kv is not None and not self.type.endswith("G"):
             # its varistors see each other alone, and take their currents from ground (`varistor.conduct`)
             raise ValueError(
-                f"arc_kv belongs to a fault to ground: of {self.type} no current would be found; take {self.type}G, "
-                "or in its place resistance_ohm, 4 / pi of the arc's voltage over the current's peak"
+                f"arc_kv belongs to a fault to ground: of {self.type} no current would be found; take "
+                f"{self.type}G, or resistance_ohm: 4 / pi of the arc's voltage over the current's peak"
             )
         return self
 
