@@ -110,7 +110,7 @@ def test_limit_hysteresis_and_least_delay(function: Any, start: float, beyond: i
 
 def test_a_rate_needs_a_whole_window() -> None:
     k = Kernel(PFRC, {"start_hz_per_s": 1.0, "window_ms": 100.0, "delay_ms": 0.0})
-    k.step(HEALTHY, count=60, frequency=51.0)
+    k.step(HEALTHY, count=15 * 96 + 60, frequency=51.0)  # settled, then 60
     k.step(count=60, frequency=50.0)
     assert k.w["rate"] == 0.0
     k.step(count=400, frequency=50.0)
