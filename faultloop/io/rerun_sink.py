@@ -28,7 +28,6 @@ from faultloop.io.messages import (
     LOOPS,
     POLES,
     RECORD_DIGITAL,
-    SAMPLED,
     TRIP,
     bit_names,
     message_of,
@@ -52,7 +51,6 @@ from faultloop.io.rerun_view import (
 TRIP_EVENT = "PTRC1 Tr poles"
 BLOCK_NS = 50_000_000  # what is sent at once
 ROWS = 960  # of a block when a whole log is sent
-MOST_HELD = 2000  # rare messages, of a log that has more of them than samples
 
 
 class RelayStream:
@@ -101,8 +99,6 @@ class RerunSink:
         self._relays: dict[str, RelayStream] = {}
         self._states: set[str] = set()
         self._texts: dict[str, list[tuple[int, str, str]]] = {}
-        self._lanes: dict[str, list[tuple[int, str | None]]] = {}
-        self._held = 0  # of both
         self._documents: list[str] = []
         self._layout_due = True
         self.zero_ns: int | None = None
@@ -167,10 +163,10 @@ class RerunSink:
             self._breaker(source_of(topic), t_ns, fields)
         elif message_name == FAULT_STATE.name:
             lane = self._path("state", "fault", str(fields.get("fault", 0)))
-            self._lane(lane, t_ns, fields.get("type", "on") if fields.get("on") else None)
+            self._state(lane, [t_ns], [fields.get("type", "on") if fields.get("on") else None])
         elif message_name == RECORD_DIGITAL.name:
             lane = self._path("state", "record", fields.get("name") or str(fields.get("number", 0)))
-            self._lane(lane, t_ns, "on" if fields.get("on") else None)
+            self._state(lane, [t_ns], ["on" if fields.get("on") else None])
         elif message_name in (EVENT.name, EVENT.full_name):
             level = fields.get("level", "INFO")
             level = level if isinstance(level, str) else LEVELS[level]
@@ -191,7 +187,7 @@ class RerunSink:
         """Sends everything held."""
         for relay in self._relays.values():
             self._send(relay)
-        self._send_rare()
+        self._send_texts()
         self._stream.flush()
 
     def close(self) -> None:
@@ -228,7 +224,7 @@ class RerunSink:
         if not relay.blocks:
             return
         self._lay_out()
-        self._send_rare()
+        self._send_texts()
         t_ns, samples, phasors, loops, pickup, operate = (
             np.concatenate(parts) for parts in zip(*relay.blocks, strict=True)
         )
@@ -294,38 +290,26 @@ class RerunSink:
         """One lane per breaker: closed, open, or the poles that are."""
         closed = "".join(pole for pole in POLES if fields.get(f"pole_{pole.lower()}"))
         state = {"ABC": "closed", "": "open"}.get(closed, f"{closed} closed")
-        self._lane(self._path("state", "breaker", name), t_ns, state)
+        self._state(self._path("state", "breaker", name), [t_ns], [state])
 
-    def _lane(self, path: str, t_ns: int, state: str | None) -> None:
-        self._lanes.setdefault(path, []).append((t_ns, state))
-        self._hold()
-
-    def _state(self, path: str, t_ns: np.ndarray, states: Sequence[str | None]) -> None:
+    def _state(self, path: str, t_ns: Sequence[int] | np.ndarray, states: list[str | None]) -> None:
         if path not in self._states:
             self._states.add(path)
             style_states(self._rr, self._stream, path)
         # As an Arrow array: a None in a list would become the text "None" instead of a gap.
         column = self._rr.StateChange.columns(state=pa.array(states, pa.string()))
-        self._stream.send_columns(path, self._times(t_ns), column)
+        self._stream.send_columns(path, self._times(np.asarray(t_ns, np.int64)), column)
 
     def _text(self, path: str, t_ns: int, text: str, level: str) -> None:
         self._texts.setdefault(path, []).append((t_ns, f"{t_ns / 1e6:10.3f} ms  {text}", level))
-        self._hold()
 
-    def _hold(self) -> None:
-        self._held += 1
-        if self._held >= MOST_HELD:
-            self._send_rare()
-
-    def _send_rare(self) -> None:
-        """Together: a call for one line or state costs 0.3 ms."""
+    def _send_texts(self) -> None:
+        """Together: a call for one line costs 0.3 ms."""
         for path, lines in self._texts.items():
             t_ns, texts, levels = zip(*lines, strict=True)
             columns = self._rr.TextLog.columns(text=texts, level=levels)
             self._stream.send_columns(path, self._times(np.array(t_ns)), columns)
-        for path, changes in self._lanes.items():
-            self._state(path, np.array([t_ns for t_ns, _ in changes], np.int64), [s for _, s in changes])
-        self._texts, self._lanes, self._held = {}, {}, 0
+        self._texts = {}
 
     def _lay_out(self) -> None:
         """Sends the layout when there is something new to lay out."""
@@ -369,13 +353,7 @@ def log_to_rerun(log: Log, target: str, more: Callable[[RerunSink], None] | None
         sink.add_relay(relay, bits, log.characteristics(relay))
     if more is not None:
         more(sink)
-    changing, whole = _changing(log), []
-    for relay in log.relays:
-        missing = [kind.topic_for(relay) for kind in SAMPLED if kind.topic_for(relay) not in log.topics]
-        if missing:
-            log.warn(f"no curves of {relay}: {', '.join(missing)} missing")
-        else:
-            whole.append(relay)
+    changing = _changing(log)
     for span in log.stretches():
         for entry in log.entries(*RARE, from_ns=span[0], to_ns=span[1]):
             if entry.topic == RECORD_DIGITAL.topic and entry.fields["number"] not in changing:
@@ -383,7 +361,7 @@ def log_to_rerun(log: Log, target: str, more: Callable[[RerunSink], None] | None
             message = message_of(entry.topic)
             assert message is not None  # entries() gives our own messages only
             sink.message(entry.topic, entry.t_ns, message.name, **entry.fields)
-        for relay in whole:
+        for relay in log.relays:
             _send_stretch(sink, log, relay, span)
     sink.close()
     return sink
