@@ -47,8 +47,7 @@ def _scenario(file: Path) -> dict[str, Any]:
     from faultloop.relay import Relay
 
     scenario, settings = load_inputs(file)
-    relays = {name: Relay(own, name) for name, own in settings.items() if not _code(own)}
-    check_expectations(scenario, relays)
+    check_expectations(scenario, {name: Relay(own, name) for name, own in settings.items() if not _code(own)})
     duration_s, relays = scenario.scenario.duration_s, len(scenario.relay)
     samples = round(duration_s * scenario.system.sampling_hz)
     return {

@@ -52,12 +52,6 @@ def command(
         with reading(opened):
             write_html(opened, summary, html)
         written.append(html)
-    stream = None
-    if rerun is not None:
-        from faultloop.review.rerun import show
-
-        with reading(opened):
-            stream = show(opened, summary, rerun)
     warn_of(opened)
     if json:
         print_json(as_json(summary) | {"written": [str(path) for path in written]})
@@ -65,5 +59,10 @@ def command(
         print_review(told, console(), secondary=secondary)
         for path in written:
             say(f"wrote {path}")
-    serve(stream)
+    if rerun is not None:
+        from faultloop.review.rerun import show
+
+        with reading(opened):
+            stream = show(opened, summary, rerun)
+        serve(stream)
     return 0

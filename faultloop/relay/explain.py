@@ -23,7 +23,7 @@ from faultloop.relay.characteristics import (
     quad_measures,
 )
 from faultloop.relay.functions.lphd import cause
-from faultloop.relay.functions.pdis import delay, doubt, zone_depth
+from faultloop.relay.functions.pdis import PHASORS_BEHIND, delay, doubt, zone_depth
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 from faultloop.relay.voltages import loops_of
@@ -131,7 +131,7 @@ def zone_row(g: Record, q: Record, c: Record, w: Record, out: Record) -> None:
     mask = q.released & c.loops & ~q.blocked_loops
     left = doubt(g, q, w)
     early = left == np.inf or q.memory.age < g.lumped
-    out.confirmed = np.inf if early else zone_depth(g, q, c, mask, left)
+    out.confirmed = np.inf if early else zone_depth(g, q, c, mask, left, -PHASORS_BEHIND)
 
 
 @njit

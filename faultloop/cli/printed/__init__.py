@@ -10,6 +10,7 @@ from typing import Any
 
 from faultloop.cli.printed import files, records, runs, studies
 from faultloop.review.why import Reason
+from faultloop.study.campaign.summary import Summary
 
 PRINTED: dict[str, Any] = {
     "run": runs.Run,
@@ -26,7 +27,7 @@ PRINTED: dict[str, Any] = {
     "import": files.Import,
     "monitor": files.Monitor,
     "suite": studies.Suite,
-    "campaign-summary": studies.CampaignSummary,
+    "campaign-summary": Summary,
     "campaign-report": studies.CampaignReport,
     "campaign-case": studies.CampaignCase,
 }

@@ -8,28 +8,6 @@ from faultloop.cli.printed.runs import Run
 from faultloop.cli.printed.told import Cell, told, told_with
 
 
-@told
-class CampaignSummary(TypedDict):
-    """`faultloop campaign --json`."""
-
-    out: str
-    """The file of its cases."""
-    cases: int
-    """All of them."""
-    right: int
-    """Cases judged right."""
-    wrong: int
-    """Cases judged wrong."""
-    unjudged: int
-    """Cases that no judge applied to, or that failed."""
-    errors: int
-    """Cases that could not be run."""
-    new: int
-    """Cases that were run now; the others were there."""
-    first_error: str | None
-    """The first case that could not be run, and why."""
-
-
 @told_with(Run)
 class CampaignCase(Run):
     """`faultloop campaign-case --json`: the run, and the campaign's word on it."""

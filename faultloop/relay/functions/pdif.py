@@ -35,7 +35,7 @@ from faultloop.config.tables import Milliseconds, NonNegative, Positive, Seconds
 from faultloop.jit import njit
 from faultloop.relay.changes import watch_circuits, watch_outside
 from faultloop.relay.differential import RULE, operates
-from faultloop.relay.far_ends import BRIDGED, tell
+from faultloop.relay.far_ends import BRIDGED, STILL, tell
 from faultloop.relay.functions.function import Function
 from faultloop.relay.functions.psch import type_of
 from faultloop.relay.memory import A2, A
@@ -333,7 +333,7 @@ def reset(w: Record) -> None:
 def watch_ways(q: Record, c: Record, w: Record) -> None:
     """Keeps ``w.harder``: whether the ends are aligned well enough for the rules as they are set."""
     harder, found = 0, 0
-    limit_us = 0.9 * c.asymmetry_us if w.harder else c.asymmetry_us
+    limit_us = STILL * c.asymmetry_us if w.harder else c.asymmetry_us
     for k in range(w.remotes):
         far = w.remote[k]
         found += far.switches + far.jumps + far.holds

@@ -233,9 +233,9 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
 
 
 @njit
-def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float) -> float:
-    """m of the released loops, by `depth` or, with a ``doubt``, by `depth_in_time`; of three, the middle one
-    (two of three must be inside), unless there are two faults."""
+def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float, least: float) -> float:
+    """m of the released loops, by `depth`, where none is below ``least``, or, with a ``doubt``, by
+    `depth_in_time`; of three, the middle one (two of three must be inside), unless there are two faults."""
     if c.direction != 0 and q.direction != c.direction:
         return OUTSIDE
     low, middle, high, count = OUTSIDE, OUTSIDE, OUTSIDE, 0
@@ -243,7 +243,12 @@ def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float) -> floa
         if not (mask >> loop) & 1:
             continue
         count += 1
-        m = depth(g, q, c, loop) if doubt == BY_PHASORS else depth_in_time(g, q, c, loop, doubt)
+        if doubt == BY_PHASORS:
+            m = depth(g, q, c, loop)
+            if m < least:
+                m = OUTSIDE
+        else:
+            m = depth_in_time(g, q, c, loop, doubt)
         if m < low:
             low, middle, high = m, low, middle
         elif m < middle:
@@ -303,7 +308,9 @@ def doubt(g: Record, q: Record, w: Record) -> float:
 @njit
 def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
     """One sample of a zone in a disturbance: start, timer, operate."""
-    m = zone_depth(g, q, c, mask, BY_PHASORS)
+    at_once = delay(c, q.fault) < g.cycle
+    least = -PHASORS_BEHIND if at_once and not w.pickup else -np.inf
+    m = zone_depth(g, q, c, mask, BY_PHASORS, least)
     if w.pickup:
         w.outside = w.outside + 1 if m > HYSTERESIS else 0
         if w.outside * 8 >= g.cycle:
@@ -313,9 +320,6 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
         if q.fault != 0:
             w.fault = q.fault
     else:
-        at_once = delay(c, q.fault) < g.cycle
-        if at_once and m < -PHASORS_BEHIND:
-            m = OUTSIDE
         if q.fault != w.fault:
             w.counter = 0.0
             w.inside = 0
@@ -332,7 +336,7 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
             if q.memory.age < g.lumped:
                 return
             left = doubt(g, q, w)
-            if left == np.inf or zone_depth(g, q, c, mask, left) >= 1:
+            if left == np.inf or zone_depth(g, q, c, mask, left, least) >= 1:
                 return
         w.pickup = 1
         w.outside = 0

@@ -8,33 +8,33 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pyarrow.parquet as pq
+from pydantic import ConfigDict, with_config
 
 Progress = Callable[[int, int], None]
 """Called with the number of cases done, and of all."""
 
 
+@with_config(ConfigDict(use_attribute_docstrings=True))
 @dataclass(frozen=True)
 class Summary:
-    """What came of a campaign.
-
-    Attributes
-    ----------
-    out : the file; None where the rows were kept in memory only.
-    errors : cases that could not be run, with the verdict `unjudged`.
-    new : cases that were run now; the others were there.
-    first_error : the first case that could not be run, and why.
-    """
+    """What came of a campaign."""
 
     out: Path
+    """The file of its cases."""
     cases: int
+    """All of them."""
     right: int
-    """Cases."""
+    """Cases judged right."""
     wrong: int
-    """Cases."""
+    """Cases judged wrong."""
     unjudged: int
+    """Cases that no judge applied to, or that could not be run."""
     errors: int
+    """Cases that could not be run."""
     new: int
+    """Cases that were run now; the others were there."""
     first_error: str | None = None
+    """The first case that could not be run, and why."""
 
 
 def summary_of(out: Path, new: int) -> Summary:
