@@ -112,7 +112,7 @@ CALLS: dict[str, list[tuple[str, Words, int]]] = {
     "recover": [("recover", lambda at: [at.ag__mcap, at.whole__mcap], 0)],
     "import": [("import", lambda at: [at.ab__rio, "--z1", "3.2,31.5"], 0)],
     "monitor": [("monitor", lambda at: ["--can", "none:0", "--seconds", "0.3"], 0)],
-    "suite": [("suite", lambda at: ["bus", "--quick"], 0)],
+    "suite": [("suite", lambda at: ["bus", "response-times", "--quick"], 0)],
     "campaign": [
         ("campaign-summary", lambda at: [at.three__toml, "--out", at.new__parquet, "--workers", "1"], 0)
     ],
