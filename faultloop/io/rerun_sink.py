@@ -14,7 +14,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from faultloop.errors import InputError
 from faultloop.io import messages
@@ -28,11 +27,13 @@ from faultloop.io.messages import (
     LOOPS,
     POLES,
     RECORD_DIGITAL,
+    SAMPLED,
     TRIP,
     bit_names,
     message_of,
     source_of,
 )
+from faultloop.io.rerun_rare import RareRows
 from faultloop.io.rerun_target import open_target
 from faultloop.io.rerun_view import (
     CLOCK,
@@ -45,7 +46,6 @@ from faultloop.io.rerun_view import (
     draw_plane,
     move_zone,
     style_relay,
-    style_states,
 )
 
 TRIP_EVENT = "PTRC1 Tr poles"
@@ -97,8 +97,7 @@ class RerunSink:
         self.url, self._file, self._part = open_target(self._rr, self._stream, target)
         self._stream.send_recording_name(name)
         self._relays: dict[str, RelayStream] = {}
-        self._states: set[str] = set()
-        self._texts: dict[str, list[tuple[int, str, str]]] = {}
+        self._rare = RareRows(self._rr, self._stream, self._times)
         self._documents: list[str] = []
         self._layout_due = True
         self.zero_ns: int | None = None
@@ -163,31 +162,31 @@ class RerunSink:
             self._breaker(source_of(topic), t_ns, fields)
         elif message_name == FAULT_STATE.name:
             lane = self._path("state", "fault", str(fields.get("fault", 0)))
-            self._state(lane, [t_ns], [fields.get("type", "on") if fields.get("on") else None])
+            self._rare.state(lane, t_ns, fields.get("type", "on") if fields.get("on") else None)
         elif message_name == RECORD_DIGITAL.name:
             lane = self._path("state", "record", fields.get("name") or str(fields.get("number", 0)))
-            self._state(lane, [t_ns], ["on" if fields.get("on") else None])
+            self._rare.state(lane, t_ns, "on" if fields.get("on") else None)
         elif message_name in (EVENT.name, EVENT.full_name):
             level = fields.get("level", "INFO")
             level = level if isinstance(level, str) else LEVELS[level]
             if (message := fields.get("message", "")).startswith(TRIP_EVENT):
                 return  # the trip itself says more
             text = f"{fields.get('name', '')}: {message}".removeprefix(": ")
-            self._text("events", t_ns, text, level)
+            self._rare.text("events", t_ns, text, level)
         elif message_name == TRIP.name:
             zone = f" zone {fields['zone']}" if fields.get("zone") else ""
             text = f"{source_of(topic)}: trip {fields.get('function', '')}{zone} {fields.get('loop', '')}"
-            self._text("events", t_ns, text.rstrip(), "WARNING")
+            self._rare.text("events", t_ns, text.rstrip(), "WARNING")
         elif message_name == CAN_FRAME.name:
             data = bytes(fields.get("data", b""))
             text = f"{fields.get('id', 0):03X}  [{len(data)}]  {data.hex(' ')}  {fields.get('sender', '')}"
-            self._text("can", t_ns, text.rstrip(), fields.get("direction", "").upper() or "TRACE")
+            self._rare.text("can", t_ns, text.rstrip(), fields.get("direction", "").upper() or "TRACE")
 
     def flush(self) -> None:
         """Sends everything held."""
         for relay in self._relays.values():
             self._send(relay)
-        self._send_texts()
+        self._rare.send()
         self._stream.flush()
 
     def close(self) -> None:
@@ -224,7 +223,7 @@ class RerunSink:
         if not relay.blocks:
             return
         self._lay_out()
-        self._send_texts()
+        self._rare.send()
         t_ns, samples, phasors, loops, pickup, operate = (
             np.concatenate(parts) for parts in zip(*relay.blocks, strict=True)
         )
@@ -283,33 +282,14 @@ class RerunSink:
                 continue
             names = relay.names["pickup"][bit], relay.names["operate"][bit]
             states = _states(names, pickup[rows] & mask, operate[rows] & mask)
-            self._state(self._path("state", relay.name, element), t_ns[rows], states)
+            self._rare.send_states(self._path("state", relay.name, element), t_ns[rows], states)
         relay.pickup, relay.operate = int(pickup[-1]), int(operate[-1])
 
     def _breaker(self, name: str, t_ns: int, fields: Mapping[str, Any]) -> None:
         """One lane per breaker: closed, open, or the poles that are."""
         closed = "".join(pole for pole in POLES if fields.get(f"pole_{pole.lower()}"))
         state = {"ABC": "closed", "": "open"}.get(closed, f"{closed} closed")
-        self._state(self._path("state", "breaker", name), [t_ns], [state])
-
-    def _state(self, path: str, t_ns: Sequence[int] | np.ndarray, states: list[str | None]) -> None:
-        if path not in self._states:
-            self._states.add(path)
-            style_states(self._rr, self._stream, path)
-        # As an Arrow array: a None in a list would become the text "None" instead of a gap.
-        column = self._rr.StateChange.columns(state=pa.array(states, pa.string()))
-        self._stream.send_columns(path, self._times(np.asarray(t_ns, np.int64)), column)
-
-    def _text(self, path: str, t_ns: int, text: str, level: str) -> None:
-        self._texts.setdefault(path, []).append((t_ns, f"{t_ns / 1e6:10.3f} ms  {text}", level))
-
-    def _send_texts(self) -> None:
-        """Together: a call for one line costs 0.3 ms."""
-        for path, lines in self._texts.items():
-            t_ns, texts, levels = zip(*lines, strict=True)
-            columns = self._rr.TextLog.columns(text=texts, level=levels)
-            self._stream.send_columns(path, self._times(np.array(t_ns)), columns)
-        self._texts = {}
+        self._rare.state(self._path("state", "breaker", name), t_ns, state)
 
     def _lay_out(self) -> None:
         """Sends the layout when there is something new to lay out."""
@@ -353,7 +333,13 @@ def log_to_rerun(log: Log, target: str, more: Callable[[RerunSink], None] | None
         sink.add_relay(relay, bits, log.characteristics(relay))
     if more is not None:
         more(sink)
-    changing = _changing(log)
+    changing, whole = _changing(log), []
+    for relay in log.relays:
+        missing = [kind.topic_for(relay) for kind in SAMPLED if kind.topic_for(relay) not in log.topics]
+        if missing:
+            log.warn(f"no curves of {relay}: {', '.join(missing)} missing")
+        else:
+            whole.append(relay)
     for span in log.stretches():
         for entry in log.entries(*RARE, from_ns=span[0], to_ns=span[1]):
             if entry.topic == RECORD_DIGITAL.topic and entry.fields["number"] not in changing:
@@ -361,7 +347,7 @@ def log_to_rerun(log: Log, target: str, more: Callable[[RerunSink], None] | None
             message = message_of(entry.topic)
             assert message is not None  # entries() gives our own messages only
             sink.message(entry.topic, entry.t_ns, message.name, **entry.fields)
-        for relay in log.relays:
+        for relay in whole:
             _send_stretch(sink, log, relay, span)
     sink.close()
     return sink

@@ -19,6 +19,7 @@ from faultloop.errors import InputError
 from faultloop.io.mcap_reader import open_log
 from faultloop.io.mcap_writer import LogWriter
 from faultloop.io.messages import values
+from faultloop.io.rerun_rare import MOST_HELD
 from faultloop.io.rerun_sink import RerunSink, log_to_rerun
 from faultloop.io.rerun_view import tick_step
 from tests.load import load
@@ -108,6 +109,35 @@ def test_a_records_own_channels_have_lanes_where_they_change(tmp_path: Path) -> 
     t_ns, states = recording.column(lane, "StateChange:state")
     assert (t_ns.tolist(), states) == ([0, 40_000_000, 90_000_000], [[None], ["on"], [None]])
     assert "TRIP" in lane
+
+
+def test_what_is_said_without_samples_is_sent_as_it_comes(tmp_path: Path) -> None:
+    """A log of millions of events, or of a breaker's changes, is not held in memory; none is lost."""
+    sink = RerunSink(str(tmp_path / "x.rrd"), START_NS)
+    count = 3 * MOST_HELD // 2 + 1
+    for k in range(count):
+        sink.message("/relay/R1/events", k, "foxglove.Log", name="R1", message=str(k))
+        sink.message("/breaker/Q1", k, "BreakerStatus", pole_a=bool(k % 2))
+        held = [*sink._rare.texts.values(), *sink._rare.lanes.values()]
+        assert sum(map(len, held)) < MOST_HELD
+    sink.close()
+    recording = Recording(tmp_path / "x.rrd")
+    t_ns, texts = recording.column("/events", "TextLog:text")
+    np.testing.assert_array_equal(t_ns, np.arange(count))
+    assert [text[0].split("R1: ")[1] for text in texts] == [str(k) for k in range(count)]
+    _, states = recording.column("/state/breaker/Q1", "StateChange:state")
+    assert [state[0] for state in states] == ["A closed" if k % 2 else "open" for k in range(count)]
+
+
+def test_a_relay_without_samples_is_told(tmp_path: Path) -> None:
+    """As in a log of what was said alone, or another tool's: the rest is shown."""
+    with LogWriter(tmp_path / "x.mcap", START_NS) as writer:
+        writer.message("/relay/R1/events", 7, "foxglove.Log", name="R1", message="here")
+    log = open_log(tmp_path / "x.mcap")
+    log_to_rerun(log, str(tmp_path / "x.rrd"))
+    t_ns, _ = Recording(tmp_path / "x.rrd").column("/events", "TextLog:text")
+    assert t_ns.tolist() == [7]
+    assert "no curves of R1: /relay/R1/samples" in log.warnings[0]
 
 
 def test_curves_break_where_samples_miss(tmp_path: Path, make_arrays: Callable[..., Any]) -> None:
@@ -257,5 +287,5 @@ def test_a_trip_is_told_once(tmp_path: Path) -> None:
     text = "PTRC1 Tr poles ABC zone 1 loop AG"
     sink.message("/relay/R1/events", 1, "foxglove.Log", level=3, message=text, name="R1")
     sink.message("/relay/R1/trips", 1, "Trip", function="PDIS1", zone=1, loop="AG", poles=7, sample_count=1)
-    assert [line[1].split("ms  ")[1] for line in sink._texts["events"]] == ["R1: trip PDIS1 zone 1 AG"]
+    assert [line[1].split("ms  ")[1] for line in sink._rare.texts["events"]] == ["R1: trip PDIS1 zone 1 AG"]
     sink.close()
