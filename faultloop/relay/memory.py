@@ -29,6 +29,11 @@ A2 = A.conjugate()
 SNAPSHOTS = 32
 MEMORY_CYCLES = 2
 
+UNBALANCE = 0.2
+"""Of the change's positive sequence: with less negative and zero sequence it is balanced."""
+SOUND = 0.8
+"""Of the voltage before: with more of it a balanced disturbance is a load, an infeed or a swing."""
+
 MEMORY = np.dtype(
     [
         ("ring", "c16", (SNAPSHOTS, 6)),
@@ -236,6 +241,48 @@ def freeze(m: Record) -> None:
     m.age = 0
     m.calm = 0
     m.still = 0
+
+
+@njit
+def is_unbalanced(c: Record, x: Phasors, reference: Phasors) -> bool:
+    """Whether a change has negative or zero sequence."""
+    positive = negative = zero = 0.0
+    for k in range(0, 6, 3):
+        one, two, three = x[k] - reference[k], x[k + 1] - reference[k + 1], x[k + 2] - reference[k + 2]
+        scale = 1.0 if k == 0 else size2(c.z1)
+        zero += scale * size2(one + two + three)
+        positive += scale * size2(one + A * two + A2 * three)
+        negative += scale * size2(one + A2 * two + A * three)
+    return max(negative, zero) > UNBALANCE**2 * positive
+
+
+@njit
+def begins_anew(c: Record, m: Record, x: Phasors) -> bool:
+    """Whether a fault begins within a disturbance that is none: unbalanced, while what there was before it
+    was balanced and had its voltage.  ``m.work`` is then the state of half a cycle ago and a little.
+
+    The first one's change says nothing about the fault: neither its type, nor on which side it is.
+    """
+    if m.tick != min(1, c.snapshot - 1) or 2 * m.age < 3 * c.cycle:
+        return False
+    back = 5 * c.snapshots // 16
+    slot = (m.head - back) % c.snapshots
+    turn = power(m.rotor, c.snapshot * back + m.tick)
+    for k in range(6):
+        m.work[k] = turn * m.ring[slot, k]
+    had2, has2 = size2(positive_sequence(m.reference)), size2(positive_sequence(m.work))
+    if has2 < SOUND**2 * had2 or not differs(c, m.work, m.reference):
+        return False
+    new = is_unbalanced(c, x, m.work) and differs(c, x, m.work)
+    return new and not is_unbalanced(c, m.work, m.reference)
+
+
+@njit
+def begin_anew(m: Record) -> None:
+    """Let that state be the reference; for one sample there is no disturbance."""
+    for k in range(6):
+        m.reference[k] = m.work[k]
+    m.frozen = m.calm = m.still = 0
 
 
 @njit

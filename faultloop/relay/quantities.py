@@ -340,6 +340,12 @@ def compensate(g: Record, q: Record) -> None:
 
 
 @njit
+def is_idle(q: Record) -> bool:
+    """Whether nobody has done anything about the disturbance at the sample before."""
+    return not (q.zone_started or q.held or q.swing_fault or q.slides)
+
+
+@njit
 def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -> None:
     """Before the functions: what was measured, the memory, the change against it; publications cleared."""
     q.number += 1
@@ -368,8 +374,11 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     q.settled = q.memory.seen > g.settled
     ready &= watch_breaker(g, q)
     energy.accumulate(q.energy, q.sample, q.memory.reference, turn)
-    if ready and not q.memory.frozen and memory.differs(g, q.x, q.memory.reference):
-        memory.freeze(q.memory)
+    if not q.memory.frozen:
+        if ready and memory.differs(g, q.x, q.memory.reference):
+            memory.freeze(q.memory)
+    elif ready and is_idle(q) and memory.begins_anew(g, q.memory, q.x):
+        memory.begin_anew(q.memory)
     q.ready = ready
     q.disturbed = 1 if ready and q.memory.frozen else 0
     q.dead = 7 & ~q.closed

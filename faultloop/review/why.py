@@ -21,6 +21,7 @@ from faultloop.errors import InputError, nearest
 from faultloop.io.mcap_reader import Log
 from faultloop.relay.characteristics import CROSS, MEMORY_POLARIZED, OFFSET, OWN, QUAD, SELF
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
+from faultloop.relay.functions.pdis import PHASORS_BEHIND
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.layout import Instance
 from faultloop.relay.quantities import FAULTS, LOOPS
@@ -260,8 +261,12 @@ def _zone_at(known: Retraced, one: Instance, row: int, step_ns: float) -> dict[s
         text = "blocked"
     elif z["waits"]:
         text = f"inside for {inside:.1f} ms, to be confirmed in time ({float(z['confirmed']):.2f}, below 1)"
+    elif inside:
+        text = f"inside for {inside:.1f} ms"
     else:
-        text = f"inside for {inside:.1f} ms" if inside else "not inside"
+        at_once = delay * known.settings.relay.frequency_hz < 1e3
+        far = at_once and any(float(z["m"][k]) < -PHASORS_BEHIND for k in own)
+        text = "not inside, or too far behind" if far else "not inside"
     return {
         "function": one.name,
         "m": {LOOPS[k]: float(z["m"][k]) for k in own if np.isfinite(z["m"][k])},

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from faultloop.relay.characteristics import QUAD
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
-from faultloop.relay.functions.pdis import MAX_ZONES
+from faultloop.relay.functions.pdis import MAX_ZONES, PHASORS_BEHIND
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.quantities import FAULTS, LOOPS
 from faultloop.review.why_stages import Cause, Facts, Verdict
 
-NONE, SETTLE, UNFED, CURRENT, TYPE, LOOP, SIDE, FUSE, SWING, REACH, STAY, CONFIRM, TIMER, SILENT = range(14)
+NONE, SETTLE, UNFED, CURRENT, TYPE, LOOP, SIDE = range(7)
+FUSE, SWING, REACH, STAY, CONFIRM, TIMER, SILENT, BEHIND = range(7, 15)
 CAUSE: dict[int, Cause] = {
     NONE: "quiet",
     SETTLE: "not-settled",
@@ -31,6 +32,7 @@ CAUSE: dict[int, Cause] = {
     CONFIRM: "not-settled",
     TIMER: "timer",
     SILENT: "blocked",
+    BEHIND: "direction",
 }
 ALL_LOOPS = 0b111111
 TRUE_LOOPS = {"ABG": "AB", "BCG": "BC", "CAG": "CA", "ABCG": "ABC"}
@@ -101,6 +103,9 @@ class Zone:
         q, z, c = self.shared, self.z, self.c
         mask = sum(1 << k for k in self.judged)
         inside = self.m < 1
+        relay = self.facts.known.settings.relay
+        delay = c["delay_ground" if self.judged and max(self.judged) < 3 else "delay_phase"]
+        at_once = delay * relay.frequency_hz < relay.sampling_hz
         enough = np.any(z["current"][:, self.judged] >= 1, axis=1)
         if self.judged and max(self.judged) < 3:
             enough &= z["residual"] >= 1
@@ -122,6 +127,7 @@ class Zone:
             (opposite, SIDE),
             (~enough, CURRENT),
             (~inside, REACH),
+            (at_once & (self.m < -PHASORS_BEHIND), BEHIND),
             (out, LOOP),
             (unreleased, TYPE),
             ((behind & mask) == mask if mask else np.zeros(len(q), bool), SIDE),
@@ -255,6 +261,10 @@ def _reach(zone: Zone, at: NDArray[np.intp]) -> str:
     return "beyond its reach"
 
 
+def _far_behind(zone: Zone, at: NDArray[np.intp]) -> str:
+    return f"behind the relay by more than {PHASORS_BEHIND:g} of its reach, where no fault ahead is"
+
+
 def _stay(zone: Zone, at: NDArray[np.intp]) -> str:
     step_ms = 1e3 / zone.facts.known.settings.relay.sampling_hz
     stayed = float(zone.z["inside"][at].max()) * step_ms
@@ -287,5 +297,5 @@ def _silent(zone: Zone, at: NDArray[np.intp]) -> str:
 _TEXTS = {
     SETTLE: _unsettled, UNFED: _unfed, CURRENT: _too_little, TYPE: _unselected, LOOP: _unmeasured,
     SIDE: _side, FUSE: _fuse, SWING: _swing, REACH: _reach,
-    STAY: _stay, CONFIRM: _confirm, TIMER: _timer, SILENT: _silent,
+    STAY: _stay, CONFIRM: _confirm, TIMER: _timer, SILENT: _silent, BEHIND: _far_behind,
 }  # fmt: skip
