@@ -4,15 +4,18 @@ It tells what tripped that must not, and how long the others took.
 
     python bench/functions.py [--cases N] [--seed S] [--method METHOD] WHAT
 
-WHAT is one of fuse, swing, swing-fault, swing-outside, swing-after, breaker, cost.
+WHAT is one of change, fuse, swing, swing-fault, swing-outside, swing-after, breaker, cost.
 
-Networks of two sources of 0.3 to 3 times those of ``tests/relay/network.py``. `fuse`: one, two or three
-voltages are lost under load of -20 to 20 degrees; the load changes, then a fault of any type in the first
-80 % of the line or none, then (without a fault) the voltages are back. `swing`: slips of 0.5 to 7 Hz and
-stable swings of 0.5 to 3 Hz up to 140 degrees; `swing-fault`: with a bolted fault of any type within 80 %,
-at any time after the first 60 ms; `swing-outside`: with one, in four of ten of 1 to 40 ohm, at the bus
-behind or in the last 8 % of the line, which goes 150 ms later; `swing-after`: with one from the same places
-that stands for 60 to 200 ms and makes the swing, stable or not, which goes on after it. `breaker`: a fault's
+Networks of two sources of 0.3 to 3 times those of ``tests/relay/network.py``. `change`: the angle between
+the sources changes by 5 to 30 degrees, at once or within 300 ms; 30 to 150 ms after that began there is a
+fault of any type in the first 80 % of the line, at the bus behind, or in the last 8 %; the relay has no RPSB.
+`fuse`: one, two or three voltages are lost under load of -20 to 20 degrees; the load changes, then a fault of
+any type in the first 80 % of the line or none, then (without a fault) the voltages are back. `swing`: slips
+of 0.5 to 7 Hz and stable swings of 0.5 to 3 Hz up to 140 degrees; `swing-fault`: with a bolted fault of any
+type within 80 %, at any time after the first 60 ms; `swing-outside`: with one, in four of ten of 1 to 40 ohm,
+at the bus behind or in the last 8 % of the line, which goes 150 ms later; `swing-after`: with one from the
+same places that stands for 60 to 200 ms and makes the swing, stable or not, which goes on after it.
+`breaker`: a fault's
 current of 1.5 to 100 times RBRF's limit, with offset, is tripped; the poles open at their zeros 30 to 60 ms
 later, and their cores go on with up to half of the crest, of either sign, for 30 to 100 ms; in a third of the
 cases a pole stays closed: OpEx must come then and only then, and the detector be off within 15 ms of the last
@@ -111,6 +114,24 @@ def fuse(rng: np.random.Generator, method: str) -> tuple[str, float]:
         stages.append((change_s + float(rng.uniform(0.03, 0.5)), changed))
     x = network.samples(stages, stages[-1][0] + 0.4)
     return judge(trips(relay(network, method, tvtr={}, rpsb=BOXES, ptoc=EMERGENCY), x), start_s)
+
+
+def change(rng: np.random.Generator, method: str) -> tuple[str, float]:
+    """The load changes, then a fault within that; what is outside may not trip within 250 ms."""
+    network, begins_s = draw(rng), 0.3 + float(rng.uniform(0, 0.02))
+    takes_s = 0.0 if rng.random() < 0.4 else float(rng.uniform(0, 0.3))
+    start_s, kind = begins_s + float(rng.uniform(0.03, 0.15)), str(rng.choice(TYPES))
+    t = np.arange(round((start_s + 0.25) * FS)) / FS - begins_s
+    by = float(rng.uniform(5, 30)) * rng.choice([-1, 1])
+    angle = network.angle_deg + by * np.clip(t / max(takes_s, 1e-9), 0, 1)
+    where = str(rng.choice(["inside", "inside", "behind", "beyond"]))
+    places = {"inside": (0.02, 0.8), "behind": (-1.0, -1.0), "beyond": (0.92, 1.0)}
+    at = float(rng.uniform(*places[where]))
+    found = trips(relay(network, method), swings.samples(network, angle, kind, at, start_s))
+    verdict, ms = judge(found, start_s)
+    if where == "inside":
+        return verdict, ms
+    return (f"trip, {where}" if found else "right"), np.nan
 
 
 def outside(rng: np.random.Generator, method: str) -> tuple[str, float]:
@@ -269,6 +290,7 @@ def _cost(method: str, element: dict[str, Any]) -> None:
 
 
 KINDS = {
+    "change": change,
     "fuse": fuse,
     "swing": swing,
     "swing-fault": partial(swing, fault=True),
@@ -298,7 +320,7 @@ def main() -> None:
         verdicts[verdict] += 1
         if not np.isnan(ms):
             times.append(ms)
-        if verdict != "right" or (given.what == "swing-fault" and ms > LIMIT_MS):
+        if verdict != "right" or (given.what in ("change", "swing-fault") and ms > LIMIT_MS):
             print(f"    case {case}: {verdict}, {ms:.1f} ms")
     print(f"{given.what}, {given.cases} cases, seed {given.seed}, {given.method}: {dict(verdicts)}")
     if times:

@@ -20,6 +20,7 @@ right and stops holding where something else is switched; see RDIR.
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any
 
@@ -27,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay.recent import SQRT2
+from faultloop.relay.recent import LENGTH, SQRT2
 
 Record = Any
 
@@ -36,7 +37,10 @@ LEAST = 0.02
 DISTINCT = 4.0
 """How much greater the excursion to one side must be than the one to the other."""
 STAYS_CYCLES = 4
-"""After so long a direction stays: sources that slip in the fault have gone away from the reference."""
+"""After so long a direction stays, and once lost no other one is given: sources that slip in the fault have
+gone away from the reference ..."""
+MOVING_CYCLES = 1
+"""... or after so long, in a fault within what moved before it."""
 
 POWER, VOLTAGE2, CURRENT2 = range(3)
 ENERGY = np.dtype(
@@ -45,9 +49,11 @@ ENERGY = np.dtype(
         ("before", "f8", (3,)),  # in quiet: those of the half cycle before
         ("count", "i8"),
         ("following", "i8"),  # samples of a disturbance
+        ("moving", "i8"),  # it began within another one
         ("lowest", "f8"),  # excursion of the power's sum since the disturbance began
         ("highest", "f8"),
         ("direction", "i8"),  # 1 forward, -1 reverse, 0 not known
+        ("given", "i8"),  # the last one that was known in this disturbance
     ],
     align=True,
 )
@@ -71,7 +77,8 @@ def rest(g: Record, e: Record, ready: bool) -> None:
     has just ended, do not."""
     if not ready or e.following:
         e.following = 0
-        e.direction = 0
+        e.moving = 0
+        e.direction = e.given = 0
         e.count = 0
         e.before[:] = 0.0
         e.now[:] = 0.0
@@ -84,12 +91,34 @@ def rest(g: Record, e: Record, ready: bool) -> None:
 
 
 @njit
+def again(g: Record, e: Record, r: Record, m: Record, turn: complex) -> None:
+    """Begin with what the last half cycle has against the memory's reference of now, from the values that
+    `recent` keeps: a disturbance that is noticed within another one, some samples after it began.  A sum that
+    began later would have no sign that holds."""
+    rest(g, e, False)
+    e.moving = 1
+    late = r.count + 0.5 * (g.stride - 1)  # of the newest value, in samples
+    angle = g.turn_per_value + cmath.phase(m.rotor) * g.stride
+    at = turn * cmath.rect(1.0, -angle / g.stride * late)
+    back = cmath.rect(1.0, -angle)
+    for j in range(g.values // 2):
+        for k in range(3):
+            dv = r.value[(r.head - j) % LENGTH, k] - SQRT2 * (m.reference[k] * at).real
+            di = r.value[(r.head - j) % LENGTH, 3 + k] - SQRT2 * (m.reference[3 + k] * at).real
+            e.now[POWER] += g.stride * dv * di
+            e.now[VOLTAGE2] += g.stride * dv * dv
+            e.now[CURRENT2] += g.stride * di * di
+        at *= back
+
+
+@njit
 def follow(g: Record, e: Record) -> None:
     """In a disturbance: excursions and direction."""
     if not e.following:
         e.lowest = e.highest = 0.0
     e.following += 1
-    if e.direction and e.following > STAYS_CYCLES * g.cycle:
+    late = e.following > (MOVING_CYCLES if e.moving else STAYS_CYCLES) * g.cycle
+    if late and e.direction:
         return
     energy = e.before[POWER] + e.now[POWER]
     apparent = math.sqrt((e.before[VOLTAGE2] + e.now[VOLTAGE2]) * (e.before[CURRENT2] + e.now[CURRENT2]))
@@ -104,3 +133,7 @@ def follow(g: Record, e: Record) -> None:
         e.direction < 0 and reverse <= DISTINCT * forward
     ):
         e.direction = 0
+    if late and e.given and e.direction != e.given:
+        e.direction = 0
+    elif e.direction:
+        e.given = e.direction

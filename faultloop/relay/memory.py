@@ -31,6 +31,8 @@ MEMORY_CYCLES = 2
 
 UNBALANCE = 0.2
 """Of the change's positive sequence: with less negative and zero sequence it is balanced."""
+JUMP = 3.0
+"""Of what moved before, in as much time: more is a new fault."""
 SOUND = 0.8
 """Of the voltage before: with more of it a balanced disturbance is a load, an infeed or a swing."""
 
@@ -257,19 +259,31 @@ def is_unbalanced(c: Record, x: Phasors, reference: Phasors) -> bool:
 
 
 @njit
+def jumps(c: Record, m: Record, x: Phasors) -> bool:
+    """Whether the phasors have moved more since five eighths of a cycle ago than in as much time before it.
+    ``m.work`` is then that state.  What settles or rings moves less and less."""
+    back = 5 * c.snapshots // 16
+    middle, first = (m.head - back) % c.snapshots, (m.head - 2 * back) % c.snapshots
+    once = power(m.rotor, c.snapshot * back)
+    turn = once * power(m.rotor, m.tick)
+    moved = before = 0.0
+    for k in range(6):
+        scale = 1.0 if k < 3 else size2(c.z1)
+        m.work[k] = turn * m.ring[middle, k]
+        moved += scale * size2(x[k] - m.work[k])
+        before += scale * size2(m.ring[middle, k] - once * m.ring[first, k])
+    return moved > JUMP**2 * before
+
+
+@njit
 def begins_anew(c: Record, m: Record, x: Phasors) -> bool:
-    """Whether a fault begins within a disturbance that is none: unbalanced, while what there was before it
-    was balanced and had its voltage.  ``m.work`` is then the state of half a cycle ago and a little.
+    """Whether a fault begins within a disturbance that is none: unbalanced, and a jump, while what there was
+    before it (``m.work``) was balanced and had its voltage.
 
     The first one's change says nothing about the fault: neither its type, nor on which side it is.
     """
-    if m.tick != min(1, c.snapshot - 1) or 2 * m.age < 3 * c.cycle:
+    if m.tick != min(1, c.snapshot - 1) or 2 * m.age < 3 * c.cycle or not jumps(c, m, x):
         return False
-    back = 5 * c.snapshots // 16
-    slot = (m.head - back) % c.snapshots
-    turn = power(m.rotor, c.snapshot * back + m.tick)
-    for k in range(6):
-        m.work[k] = turn * m.ring[slot, k]
     had2, has2 = size2(positive_sequence(m.reference)), size2(positive_sequence(m.work))
     if has2 < SOUND**2 * had2 or not differs(c, m.work, m.reference):
         return False
@@ -295,7 +309,8 @@ def thaw(c: Record, m: Record, x: Phasors, frequency: float, selected: int, insi
     balanced = selected == 0 or selected == 7
     m.calm = 0 if differs(c, x, m.reference) else m.calm + 1
     m.still = 0 if m.moving or inside else m.still + 1
-    if m.calm * 2 >= c.cycle or m.still >= (2 if balanced else 10) * c.cycle:
+    ends = m.calm * 2 >= c.cycle or m.still >= (2 if balanced else 10) * c.cycle
+    if ends and not differs(c, x, m.ring[m.head]):  # or a fault of this very moment would be what is normal
         if is_frequency(c, frequency):
             turn_with(c, m, frequency)
         fill(c, m, x)

@@ -379,6 +379,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
             memory.freeze(q.memory)
     elif ready and is_idle(q) and memory.begins_anew(g, q.memory, q.x):
         memory.begin_anew(q.memory)
+        energy.again(g, q.energy, q.recent, q.memory, turn)
     q.ready = ready
     q.disturbed = 1 if ready and q.memory.frozen else 0
     q.dead = 7 & ~q.closed

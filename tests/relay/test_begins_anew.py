@@ -86,14 +86,15 @@ BEFORE, LOADED = Network().solve(), Network(angle_deg=25).solve()
 FAULTED = Network(angle_deg=25).solve("AG")
 
 
-def begins(before: Any, was: Any, now: Any, age: int = 2 * CYCLE, tick: int = 1) -> bool:
-    """Of phasors before the disturbance, half a cycle ago and a little, and now."""
+def begins(before: Any, was: Any, now: Any, earlier: Any = None, age: int = 2 * CYCLE, tick: int = 1) -> bool:
+    """Of phasors before the disturbance, at both snapshots within it (the earlier as the later), and now."""
     k = Kernel(PHS, {})
     m = k.q["memory"]
     m["rotor"], m["age"], m["tick"], m["head"], m["reference"] = ROTOR, age, tick, 3, before
     back = 5 * int(k.g["snapshots"]) // 16
-    ago = int(k.g["snapshot"]) * back + tick
-    m["ring"][(3 - back) % int(k.g["snapshots"])] = was / ROTOR**ago
+    for times, state in ((1, was), (2, was if earlier is None else earlier)):
+        ago = times * back * int(k.g["snapshot"]) + tick
+        m["ring"][(3 - times * back) % int(k.g["snapshots"])] = state / ROTOR**ago
     anew = bool(begins_anew(k.g, m, now))
     assert not anew or np.allclose(m["work"], was, rtol=1e-9)
     return anew
@@ -115,6 +116,14 @@ def test_what_stays_or_is_balanced_is_the_first_one_itself() -> None:
     assert not begins(BEFORE, LOADED, Network(angle_deg=40).solve())
     assert not begins(BEFORE, LOADED, Network(angle_deg=25).solve("ABC"))
     assert not begins(BEFORE, BEFORE, Network().solve("AG")), "nothing had changed half a cycle ago"
+
+
+def test_what_settles_begins_nothing() -> None:
+    """As a three-phase fault with resistance, whose phasors are still on their way."""
+    moved = LOADED + 0.4 * (FAULTED - LOADED)
+    assert not begins(BEFORE, LOADED, FAULTED, earlier=LOADED - (moved - LOADED))
+    moved = LOADED + 0.3 * (FAULTED - LOADED)
+    assert begins(BEFORE, LOADED, FAULTED, earlier=LOADED - (moved - LOADED))
 
 
 def test_within_a_fault_none_begins() -> None:

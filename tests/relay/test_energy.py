@@ -39,3 +39,11 @@ def test_it_stays_after_four_cycles() -> None:
     """Sources that slip in the fault have gone away from the reference by then."""
     assert given([(1.0, 2.0)] * 5 + [(-3.0, 60.0), (-5.0, 80.0)], cycle=1) == [-1] * 7
     assert given([(0.0, 2.0)] * 5 + [(-3.0, 60.0)], cycle=1) == [0] * 5 + [1]
+
+
+def test_one_that_was_lost_is_given_again_but_no_other_one_after_four_cycles() -> None:
+    """A fault behind, and sources ahead that slip meanwhile (before: ahead, and zone 1 after 190 ms)."""
+    lost = [(1.0, 2.0), (-0.3, 40.0)]
+    assert given([*lost, *[(-0.3, 40.0)] * 3, (-5.0, 80.0)], cycle=1) == [-1, 0, 0, 0, 0, 0]
+    assert given([*lost, *[(-0.3, 40.0)] * 3, (5.0, 80.0)], cycle=1) == [-1, 0, 0, 0, 0, -1]
+    assert given([(0.0, 2.0)] * 6 + [(-5.0, 80.0)], cycle=1) == [0] * 6 + [1], "a first one at any time"
