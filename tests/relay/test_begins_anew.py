@@ -12,7 +12,7 @@ import pytest
 import faultloop
 from faultloop.loop.scenario import Scenario
 from faultloop.relay.functions.phs import PHS
-from faultloop.relay.memory import begins_anew
+from faultloop.relay.memory import begins_anew, thaw
 from tests.relay.functions.kernel import Kernel
 from tests.relay.network import Network
 
@@ -130,3 +130,16 @@ def test_within_a_fault_none_begins() -> None:
     """A fault of one phase, or one of three that takes a fifth of the voltage."""
     assert not begins(BEFORE, Network().solve("AG"), Network().solve("CAG"))
     assert not begins(BEFORE, Network().solve("ABC"), Network().solve("BC"))
+
+
+def test_a_disturbance_does_not_end_at_a_faults_first_samples() -> None:
+    """The state of that moment would be what is normal, and the fault lie behind (bench/functions.py change,
+    seed 70010, case 163: zone 4 started 9 ms after a fault behind)."""
+    for now, ends in ((LOADED, True), (LOADED + 0.3 * (FAULTED - LOADED), False)):
+        k = Kernel(PHS, {})
+        m = k.q["memory"]
+        m["frozen"], m["still"], m["rotor"], m["reference"] = 1, 2 * CYCLE, 1.0, BEFORE
+        m["ring"][int(m["head"])] = LOADED
+        thaw(k.g, m, now, 50.0, 7, False)
+        assert (m["frozen"] == 0) == ends
+        assert np.allclose(m["reference"], LOADED if ends else BEFORE)
