@@ -29,6 +29,8 @@ A2 = A.conjugate()
 SNAPSHOTS = 32
 MEMORY_CYCLES = 2
 
+ANEW = 2
+"""Frozen so for one sample, in which there is no disturbance."""
 UNBALANCE = 0.2
 """Of the change's positive sequence: with less negative and zero sequence it is balanced."""
 JUMP = 3.0
@@ -47,7 +49,7 @@ MEMORY = np.dtype(
         ("ready", "i8"),
         ("moving", "i8"),  # something changed within the last cycle
         ("drift", "f8"),  # size2 of the change of all phasors within the last snapshot
-        ("frozen", "i8"),  # a disturbance: the reference is kept from before it
+        ("frozen", "i8"),  # a disturbance: the reference is kept from before it; ANEW: one begins within it
         ("fed", "i8"),  # a current has changed too, and not only a voltage
         ("age", "i8"),  # samples since
         ("calm", "i8"),  # samples in a row without a difference from the reference
@@ -247,15 +249,19 @@ def freeze(m: Record) -> None:
 
 @njit
 def is_unbalanced(c: Record, x: Phasors, reference: Phasors) -> bool:
-    """Whether a change has negative or zero sequence."""
+    """Whether a change has negative or zero sequence: a part of the positive, and more than the pickups."""
     positive = negative = zero = 0.0
+    seen = False
     for k in range(0, 6, 3):
         one, two, three = x[k] - reference[k], x[k + 1] - reference[k + 1], x[k + 2] - reference[k + 2]
         scale = 1.0 if k == 0 else size2(c.z1)
-        zero += scale * size2(one + two + three)
+        limit = voltage_limit2(c, reference) if k == 0 else current_limit2(c, reference)
+        zeros, negatives = size2(one + two + three), size2(one + A2 * two + A * three)
+        seen |= max(zeros, negatives) > 9 * limit
+        zero += scale * zeros
         positive += scale * size2(one + A * two + A2 * three)
-        negative += scale * size2(one + A2 * two + A * three)
-    return max(negative, zero) > UNBALANCE**2 * positive
+        negative += scale * negatives
+    return seen and max(negative, zero) > UNBALANCE**2 * positive
 
 
 @njit
@@ -296,7 +302,7 @@ def begin_anew(m: Record) -> None:
     """Let that state be the reference; for one sample there is no disturbance."""
     for k in range(6):
         m.reference[k] = m.work[k]
-    m.frozen = m.calm = m.still = 0
+    m.frozen = ANEW
 
 
 @njit

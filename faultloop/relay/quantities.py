@@ -374,14 +374,16 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     q.settled = q.memory.seen > g.settled
     ready &= watch_breaker(g, q)
     energy.accumulate(q.energy, q.sample, q.memory.reference, turn)
-    if not q.memory.frozen:
+    if q.memory.frozen == memory.ANEW:
+        memory.freeze(q.memory)
+    elif not q.memory.frozen:
         if ready and memory.differs(g, q.x, q.memory.reference):
             memory.freeze(q.memory)
     elif ready and is_idle(q) and memory.begins_anew(g, q.memory, q.x):
         memory.begin_anew(q.memory)
         energy.again(g, q.energy, q.recent, q.memory, turn)
     q.ready = ready
-    q.disturbed = 1 if ready and q.memory.frozen else 0
+    q.disturbed = 1 if ready and q.memory.frozen == 1 else 0
     q.dead = 7 & ~q.closed
     if q.disturbed:
         q.dead |= dead_poles(g, q)

@@ -242,5 +242,5 @@ def is_normal(g: Record, q: Record) -> None:
     m.fed = m.age = m.calm = m.still = 0
     q.disturbed = q.fed = 0
     q.dead = 7 & ~q.closed
-    q.energy.following = 0
+    q.energy.following = q.energy.moving = q.energy.given = 0
     energy.rest(g, q.energy, True)

@@ -11,10 +11,11 @@ import pytest
 
 import faultloop
 from faultloop.loop.scenario import Scenario
+from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.functions.phs import PHS
 from faultloop.relay.memory import begins_anew, thaw
 from tests.relay.functions.kernel import Kernel
-from tests.relay.network import Network
+from tests.relay.network import Network, settings_dict
 
 SETTINGS = Path(__file__).parents[2] / "scenarios" / "settings" / "ab-mho.toml"
 LINE = {"model": "bergeron", "r1_ohm_per_km": 0.06, "x1_ohm_per_km": 0.4, "b1_us_per_km": 2.8,
@@ -143,3 +144,20 @@ def test_a_disturbance_does_not_end_at_a_faults_first_samples() -> None:
         thaw(k.g, m, now, 50.0, 7, False)
         assert (m["frozen"] == 0) == ends
         assert np.allclose(m["reference"], LOADED if ends else BEFORE)
+
+
+@pytest.mark.parametrize("sampling_hz", [800, 1200, 4800])
+def test_the_reference_stays_that_of_before_the_fault(sampling_hz: int) -> None:
+    """At any sampling rate (before: below 1600 Hz the next sample took that of a cycle and a quarter ago)."""
+    network = Network(sampling_hz=sampling_hz)
+    load = Network(sampling_hz=sampling_hz, angle_deg=-35)
+    x = network.samples([(0.0, network.solve()), (0.3, load.solve()), (0.35, load.solve("AG"))], 0.4)
+    given = settings_dict(network, [{"zone": 1, "reach_pu": 0.8}], estimator={"method": "kalman-bank"})
+    r, began = Relay(RelaySettings.from_dict(given)), False
+    for sample in x:
+        r.advance(sample[None])
+        q = r._state[0]["shared"]
+        if q["disturbed"] and q["number"] > 0.35 * sampling_hz and q["memory"]["age"] < 0.01 * sampling_hz:
+            np.testing.assert_allclose(np.abs(q["memory"]["reference"]), np.abs(load.solve()), rtol=0.05)
+            began = True
+    assert began
