@@ -92,9 +92,9 @@ def rest(g: Record, e: Record, ready: bool) -> None:
 
 @njit
 def again(g: Record, e: Record, r: Record, m: Record, turn: complex) -> None:
-    """Begin with what the last half cycle has against the memory's reference of now, from the values that
-    `recent` keeps: a disturbance that is noticed within another one, some samples after it began.  A sum that
-    began later would have no sign that holds."""
+    """Begin with what the last half cycle has against the memory's reference of now, from the values
+    that `recent` keeps: a disturbance that is noticed within another one, some samples after it began.  A sum
+    that began later would have no sign that holds."""
     rest(g, e, False)
     e.moving = 1
     late = r.count + 0.5 * (g.stride - 1)  # of the newest value, in samples

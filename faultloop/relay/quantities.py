@@ -399,7 +399,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     else:
         energy.rest(g, q.energy, ready)
         second.forget(q.second)
-        if q.memory.tick == 0 and q.memory.seen > g.settling:
+        if q.memory.tick == 0 and q.memory.seen > g.settling and q.memory.frozen != memory.ANEW:
             voltages.prove(g, q)
             currents.watch(g, q)
     unsampled.watch(g, q, sample)

@@ -160,4 +160,4 @@ def test_the_reference_stays_that_of_before_the_fault(sampling_hz: int) -> None:
         if q["disturbed"] and q["number"] > 0.35 * sampling_hz and q["memory"]["age"] < 0.01 * sampling_hz:
             np.testing.assert_allclose(np.abs(q["memory"]["reference"]), np.abs(load.solve()), rtol=0.05)
             began = True
-    assert began
+    assert began and q["proven"] == 7, "no voltage of before is doubted"
