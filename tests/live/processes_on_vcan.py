@@ -160,6 +160,7 @@ start_s = 0.1
 """
 
 
+@pytest.mark.slow  # half a minute; the same faults of a bus in simulated time: tests/loop/test_bus_faults.py
 def test_a_killed_and_a_restarted_node_rejoin_and_lost_frames_lose_no_trip(tmp_path):
     """QA is killed, RB restarts, somebody forges, RA's first trip frames are lost: only the fault trips."""
     text = (SCENARIOS / "ag-zone1.toml").read_text(encoding="utf-8")

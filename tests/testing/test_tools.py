@@ -16,6 +16,7 @@ needs_can_utils = pytest.mark.skipif(
 
 @needs_vcan
 @needs_can_utils
+@pytest.mark.slow  # a guest of a minute; candump is in tests/io/can_on_vcan.py, too
 def test_tools_on_vcan(root: Path) -> None:
     passes_on_vcan(root, Path(__file__).with_name("tools_on_vcan.py"), 300)
 
