@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import mmap
 import struct
-import zlib
 from collections import Counter, OrderedDict
 from dataclasses import dataclass, field
 
@@ -26,6 +25,7 @@ from mcap.records import (
     Statistics,
 )
 
+from faultloop.io.crc import crc32
 from faultloop.io.mcap_file import (
     DAMAGE,
     FOOTER_SIZE,
@@ -90,7 +90,7 @@ class Summary:
         (crc,) = struct.unpack_from("<I", data, footer + FOOTER_SIZE - 4)
         if begin > footer:
             raise ValueError("place")
-        if crc and zlib.crc32(data[begin : footer + FOOTER_SIZE - 4]) != crc:
+        if crc and crc32(data[begin : footer + FOOTER_SIZE - 4]) != crc:
             raise ValueError("checksum")
         summary, end = cls(), begin
         for record in walk(data[:footer], begin):
@@ -133,7 +133,7 @@ class Chunks:
         content: Buffer = self._data[segment.start : segment.stop]
         if segment.head is not None:
             content = decompress(segment.head.compression, content, segment.head.size)
-            if segment.head.crc and not segment.checked and zlib.crc32(content) != segment.head.crc:
+            if segment.head.crc and not segment.checked and crc32(content) != segment.head.crc:
                 raise ValueError("a chunk does not match its checksum")
         segment.checked = True
         self._held[segment] = content
@@ -276,7 +276,7 @@ class Contents:
             self.metadata[metadata.name] = metadata.metadata
             return
         (crc,) = struct.unpack("<I", content[-4:])
-        if crc and crc != zlib.crc32(content[:-4]):
+        if crc and crc != crc32(content[:-4]):
             raise ValueError("checksum")
         attachment = parse(Attachment, content)
         self.attachments[attachment.name] = attachment.data

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import mmap
 import struct
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from io import BytesIO
 from typing import IO, Any, NamedTuple
@@ -36,6 +35,8 @@ from mcap.records import (
     SummaryOffset,
 )
 from mcap.writer import MCAP0_MAGIC as MAGIC
+
+from faultloop.io.crc import crc32
 
 LIBRARY = (
     "faultloop"  # without a version: the versions are metadata, the bytes of a log do not depend on them
@@ -173,11 +174,11 @@ class McapFile:
             The arrays are the callee's from here on.
         """
         prefix, self._pending = self._pending, b""
-        first = min(int(entries[:, 0].min()) for entries in index.values())
-        last = max(int(entries[:, 0].max()) for entries in index.values())
+        first = min(int(np.minimum.reduce(entries[:, 0])) for entries in index.values())
+        last = max(int(np.maximum.reduce(entries[:, 0])) for entries in index.values())
         parts, size, crc = [prefix, *parts], 0, 0
         for part in parts:
-            crc = zlib.crc32(part, crc)
+            crc = crc32(part, crc)
             size += len(part)
         if self._compress is not None:  # without compression the parts are written as they are, not copied
             parts = [self._compress(b"".join(parts))]
@@ -210,7 +211,8 @@ class McapFile:
         parts: list[Buffer] = []
         position = self._offset
         for channel, entries in index.items():
-            entries[:, 1] += np.uint64(shift)
+            if shift:
+                entries[:, 1] += np.uint64(shift)
             head = struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 6 + entries.nbytes, channel, entries.nbytes)
             parts += [head, entries.data.cast("B")]
             offsets[channel] = position
@@ -253,9 +255,7 @@ class McapFile:
         offset_start = start + len(summary)
         summary += offsets
         covered = summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
-        footer = Footer(
-            summary_start=start, summary_offset_start=offset_start, summary_crc=zlib.crc32(covered)
-        )
+        footer = Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc32(covered))
         self._write(summary + record_bytes(footer) + MAGIC)
 
 

@@ -10,6 +10,7 @@ import contextlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache, lru_cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -36,14 +37,17 @@ from faultloop.io.output_file import open_part
 from faultloop.io.schema import (
     message_class,
     put_heads,
+    put_places,
     put_values,
     record_offset,
     row_dtype,
     row_template,
     schema_bytes,
 )
+from faultloop.jit import compiled
 
 CHUNK_NS = 200_000_000  # log time of a chunk: with LATE_NS, what a kill can cost at most
+RECORD_OFFSETS = np.array([record_offset(message) for message in SAMPLED])  # in a row
 LATE_NS = 50_000_000  # how long a chunk waits for the relays that are behind
 MEDIA_TYPES = {".toml": "application/toml", ".dbc": "text/plain", ".json": "application/json"}
 
@@ -86,32 +90,35 @@ class RelayRows:
         if not rows:
             return
         self._make_room(rows)
-        into = slice(self._end, self._end + rows)
-        self._t_ns[into] = block[0]
+        at = self._end
+        self._t_ns[at : at + rows] = block[0]
+        heads, values = _packers()
         for head in self._heads:
-            put_heads(head[into], self._sequence, self._t_ns[into], self.start_ns)
+            heads(head, at, self._sequence, self._t_ns[at : at + rows], self.start_ns)
         for array, body, kind in zip(block[1:], self._bodies, self._kinds, strict=True):
-            put_values(body[into], np.ascontiguousarray(array, dtype=kind).view(np.uint64).reshape(rows, -1))
+            values(body, at, np.ascontiguousarray(array, dtype=kind).view(np.uint64).reshape(rows, -1))
         self._end += rows
         self._sequence += rows
 
     def _make_room(self, rows: int) -> None:
-        """For so many more; what was taken goes."""
+        """For so many more.  What was taken goes when there is no room behind the rest: of the usual blocks
+        that is every third time."""
+        if self._end + rows <= len(self._t_ns):
+            return
         held = self._end - self._begin
         opaque = (
             f"V{self._packed.itemsize}"  # as structured values, field by field, it takes ten times as long
         )
         packed, t_ns = self._packed.view(opaque), self._t_ns
         if held + rows > len(t_ns):
-            self._t_ns = np.empty(2 * (held + rows), np.int64)
+            self._t_ns = np.empty(4 * (held + rows), np.int64)
             self._packed = np.empty(len(self._t_ns), row_dtype())
             self._packed.view(opaque)[...] = self._template.view(opaque)  # what all rows have in common, once
             self._heads = [self._packed[message.name]["head"] for message in SAMPLED]
             self._bodies, self._kinds = _fields(self._packed)
-        if self._begin or self._t_ns is not t_ns:
-            self._t_ns[:held] = t_ns[self._begin : self._end].copy()
-            self._packed.view(opaque)[:held] = packed[self._begin : self._end].copy()
-            self._begin, self._end = 0, held
+        self._t_ns[:held] = t_ns[self._begin : self._end]
+        self._packed.view(opaque)[:held] = packed[self._begin : self._end]
+        self._begin, self._end = 0, held
 
     def take(self, rows: int) -> np.ndarray:
         """The first ``rows`` rows as packed records (``row_dtype``), which hold until the next block comes;
@@ -132,6 +139,28 @@ def _fields(packed: np.ndarray) -> tuple[list[np.ndarray], list[np.dtype[Any]]]:
             bodies.append(body[:, -shape[0] :] if shape else body[:, number : number + 1])
             kinds.append(numbers if shape else words)
     return bodies, kinds
+
+
+@lru_cache(maxsize=64)
+def _polygons_text(zones: tuple[tuple[str, bytes, bytes], ...]) -> str:
+    """JSON of each zone's ground and phase polygon: 2 ms for a relay, whose zones are often another's."""
+
+    def points(polygon: bytes) -> list[list[float]]:
+        return np.frombuffer(polygon).reshape(-1, 2).tolist()
+
+    return json.dumps({zone: {"ground": points(a), "phase": points(b)} for zone, a, b in zones})
+
+
+@cache
+def _packers() -> tuple[Any, Any]:
+    """`put_heads` and `put_values` by their machine code: of a structured array a call itself takes 14 us to
+    find out the type."""
+    rows = np.empty(2, row_dtype())  # one alone would be contiguous
+    t_ns, words = np.zeros(1, np.int64), np.zeros((1, 1), np.uint64)
+    body = _fields(rows)[0][0]
+    return compiled(put_heads, rows[SAMPLED[0].name]["head"], 0, 0, t_ns, 0), compiled(
+        put_values, body, 0, words
+    )
 
 
 def _oldest(relays: Iterable[RelayRows], rare: Sequence[tuple[int, int, bytes]]) -> int | None:
@@ -248,13 +277,13 @@ class LogWriter:
         if name in self._relays:
             raise ValueError(f"relay {name!r} is in the log already")
         names = bit_names(tuple(bits))
-        zones = {
-            zone: {"ground": np.asarray(ground).tolist(), "phase": np.asarray(phase).tolist()}
-            for zone, (ground, phase) in (characteristics or {}).items()
-        }
+        zones = tuple(
+            (zone, *(np.asarray(polygon, dtype=np.float64).tobytes() for polygon in polygons))
+            for zone, polygons in (characteristics or {}).items()
+        )
         more = {
             ELEMENTS.name: {f"{word}_bits": json.dumps(names[word]) for word in names},
-            LOOP_IMPEDANCES.name: {"characteristics": json.dumps(zones)},
+            LOOP_IMPEDANCES.name: {"characteristics": _polygons_text(zones)},
         }
         channels = [self._channel(own.topic_for(name), own, more.get(own.name)) for own in SAMPLED]
         self._relays[name] = RelayRows(channels, self.start_ns)
@@ -300,13 +329,16 @@ class LogWriter:
 
     def _advance(self, relay: str | None, t_ns: int) -> None:
         """Writes the windows that all relays have passed, or that one of them left 50 ms ago."""
-        self._newest = max(self._newest, t_ns)
+        if t_ns > self._newest:
+            self._newest = t_ns
         if relay is not None:
             self._seen[relay] = t_ns
             self._slowest = min(self._seen.values())
-        passed = max(self._slowest if self._seen else self._newest, self._newest - LATE_NS) // CHUNK_NS
-        if passed > self._window:
-            self._write_until(passed)
+        passed = self._slowest if self._seen else self._newest
+        if passed < self._newest - LATE_NS:
+            passed = self._newest - LATE_NS
+        if passed >= (self._window + 1) * CHUNK_NS:
+            self._write_until(passed // CHUNK_NS)
 
     def _write_until(self, window: int | None) -> None:
         """Writes what is held of the windows before ``window`` (of all, if None), one chunk each."""
@@ -324,16 +356,13 @@ class LogWriter:
         parts: list[Buffer] = []
         offset = 0
         for rows in self._relays.values():
-            count = int(np.searchsorted(rows.t_ns, stop_ns))
-            if not count:
+            t_ns = rows.t_ns[: np.searchsorted(rows.t_ns, stop_ns)]
+            if not len(t_ns):
                 continue
-            places = np.empty((len(SAMPLED), count, 2), np.uint64)
-            places[:, :, 0] = rows.t_ns[:count] + self.start_ns
-            packed = rows.take(count)
-            starts = offset + packed.itemsize * np.arange(count)
-            for entries, channel, message in zip(places, rows.channels, SAMPLED, strict=True):
-                entries[:, 1] = starts + record_offset(message)
-                index[channel] = entries
+            packed = rows.take(len(t_ns))
+            places = np.empty((len(SAMPLED), len(t_ns), 2), np.uint64)
+            put_places(places, t_ns, self.start_ns, offset, packed.itemsize, RECORD_OFFSETS)
+            index |= zip(rows.channels, places, strict=True)
             parts.append(packed.view(np.uint8).data)
             offset += packed.nbytes
         self._take_rare(stop_ns, offset, parts, index)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 from mcap_protobuf.decoder import DecoderFactory
 
 from faultloop.errors import InputError
+from faultloop.io.crc import crc32
 from faultloop.io.mcap_contents import Summary
 from faultloop.io.mcap_file import (
     COMPRESSORS,
@@ -222,7 +222,7 @@ class Salvage:
         try:
             head = ChunkHead.read(content)
             records = decompress(head.compression, content[head.start : head.stop], head.size)
-            if head.crc and zlib.crc32(records) != head.crc:
+            if head.crc and crc32(records) != head.crc:
                 raise ValueError("checksum")
         except DAMAGE:
             self.result.left_out(f"the chunk at byte {place} is damaged and left out")
@@ -265,7 +265,7 @@ class Salvage:
                 self.target.metadata(metadata.name, metadata.metadata)
             elif record.opcode == Opcode.ATTACHMENT:
                 (crc,) = struct.unpack("<I", content[-4:])
-                if crc and crc != zlib.crc32(content[:-4]):
+                if crc and crc != crc32(content[:-4]):
                     raise ValueError("checksum")
                 self.target.attachment(parse(Attachment, content))
             elif record.opcode == Opcode.MESSAGE_INDEX:  # made anew; but no other record may pass for one
@@ -405,7 +405,7 @@ def _tell_missing(data: memoryview, begin: int, salvage: Salvage) -> None:
         return
     if not start:
         return
-    if start != begin or (crc and zlib.crc32(data[begin : footer + FOOTER_SIZE - 4]) != crc):
+    if start != begin or (crc and crc32(data[begin : footer + FOOTER_SIZE - 4]) != crc):
         result.left_out("the summary is damaged: what the log should hold is not known")
         return
     for record in walk(data, begin):

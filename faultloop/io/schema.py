@@ -148,14 +148,14 @@ def row_template(channels: Iterable[int]) -> np.ndarray:
 
 
 @njit
-def put_heads(head: Records, first: int, t_ns: NDArray[np.int64], start_ns: int) -> None:
-    """The heads (``HEAD``) of one message's records in rows that are the template's: numbered from ``first``
-    on, at ``t_ns`` after ``start_ns`` [ns since 1970]."""
+def put_heads(head: Records, at: int, first: int, t_ns: NDArray[np.int64], start_ns: int) -> None:
+    """The heads (``HEAD``) of one message's records in rows that are the template's, from row ``at`` on:
+    numbered from ``first`` on, at ``t_ns`` after ``start_ns`` [ns since 1970]."""
     for row in range(t_ns.shape[0]):
         log_ns = start_ns + t_ns[row]
         seconds = log_ns // SECOND_NS
         nanos = log_ns - SECOND_NS * seconds
-        own = head[row]
+        own = head[at + row]
         own.sequence = first + row
         own.log_time = log_ns
         own.publish_time = log_ns
@@ -166,11 +166,28 @@ def put_heads(head: Records, first: int, t_ns: NDArray[np.int64], start_ns: int)
 
 
 @njit
-def put_values(body: NDArray[np.uint64], values: NDArray[np.uint64]) -> None:
-    """Eight-byte values (n, k) into as many fields of one message's records."""
+def put_values(body: NDArray[np.uint64], at: int, values: NDArray[np.uint64]) -> None:
+    """Eight-byte values (n, k) into as many fields of one message's records, from row ``at`` on."""
     for row in range(values.shape[0]):
         for field in range(values.shape[1]):
-            body[row, field] = values[row, field]
+            body[at + row, field] = values[row, field]
+
+
+@njit
+def put_places(
+    places: NDArray[np.uint64],
+    t_ns: NDArray[np.int64],
+    start_ns: int,
+    first: int,
+    row_bytes: int,
+    offsets: NDArray[np.int64],
+) -> None:
+    """Log time and place of every record of rows at ``t_ns`` after ``start_ns``, (messages, n, 2): the first
+    row's place is ``first``, the records' in a row ``offsets`` (messages,)."""
+    for message in range(offsets.shape[0]):
+        for row in range(t_ns.shape[0]):
+            places[message, row, 0] = start_ns + t_ns[row]
+            places[message, row, 1] = first + row * row_bytes + offsets[message]
 
 
 @cache

@@ -188,6 +188,8 @@ class Fold:
     def message(self, topic: str, t_ns: int, message_name: str, **fields: Any) -> None:
         """A rare message, as the table of messages has it."""
         match message_name:
+            case "CanFrame":
+                self._take_frame(t_ns, **fields)
             case "Trip":
                 relay = source_of(topic)
                 self._trips.append(
@@ -199,8 +201,6 @@ class Fold:
                 number, names = int(fields["fault"]), self._cast.faults
                 name = names[number] if number < len(names) else str(number)
                 self._faults.append(FaultChange(name, fields["type"], fields["on"], t_ns))
-            case "CanFrame":
-                self._take_frame(t_ns, Frame(fields["id"], fields["data"], fields["extended"], fields["fd"]))
             case "foxglove.Log":
                 level = LEVELS[fields["level"]].lower() if fields["level"] < len(LEVELS) else "info"
                 name = fields["name"] or source_of(topic)
@@ -220,11 +220,13 @@ class Fold:
         closed = pole_a | pole_b << 1 | pole_c << 2
         self._positions.setdefault(breaker, []).append(Position(t_ns, closed, command, relay))
 
-    def _take_frame(self, t_ns: int, frame: Frame) -> None:
-        kind, number = self._count(frame.id, frame.extended, 1)
+    def _take_frame(
+        self, t_ns: int, *, id: int, data: bytes, extended: bool, fd: bool, **_unused: str
+    ) -> None:
+        kind, number = self._count(id, extended, 1)
         if kind is not Kind.TRIP or number >= len(self._frames):
             return
-        state = read(frame)
+        state = read(Frame(id, data, extended, fd))
         if isinstance(state, State) and state.poles:
             list(self._frames.values())[number].append((t_ns, state.poles))
 

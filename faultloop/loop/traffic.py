@@ -14,7 +14,7 @@ import numpy as np
 from faultloop.config.bus_fault import PLANT, BusFault
 from faultloop.io.can.confinement import STATES
 from faultloop.io.can.frames import REJECTIONS, Frame
-from faultloop.io.can.record import put, taken
+from faultloop.io.can.record import delivered, put
 from faultloop.io.can.senders import Senders
 from faultloop.io.can.table import PLANT_NODE, Kind
 from faultloop.io.can.transport import Transport
@@ -264,10 +264,10 @@ class Traffic:
         """Of one of the events."""
         _, t_ns, what, node, identifier, value, closed = event
         if what == exchange.FRAME_SEEN:
-            frame = Frame(*taken(self.x.frames, value))
-            sender = self.bus.model.sender(int(self.x.frames["sender"][value]))
+            _, number, fields = delivered(self.x.frames, value)
+            sender = self.bus.model.sender(number)
             direction = "tx" if sender in self._names else "rx"
-            self.recorder.can_frame(t_ns, frame, direction, str(sender or ""))
+            self.recorder.can_frame(t_ns, Frame(*fields), direction, str(sender or ""))
         elif what == exchange.STATE_TAKEN:
             if value and isinstance(self._seats[node], BreakerNode):
                 operation = "close" if identifier & ~0xF == Kind.CLOSE else "open"
