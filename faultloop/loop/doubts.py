@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -48,9 +49,14 @@ def scenario_doubts(scenario: Scenario, settings: Mapping[str, RelaySettings], p
 
 def _positive_sequence(samples: np.ndarray) -> tuple[complex, complex]:
     """Voltage and current, RMS, of one cycle (n, 6)."""
-    turn = np.exp(-2j * np.pi * np.arange(len(samples)) / len(samples)) * np.sqrt(2) / len(samples)
-    v1, i1 = ((turn @ samples).reshape(2, 3) * TURN).sum(axis=1)
+    v1, i1 = ((_turn(len(samples)) @ samples).reshape(2, 3) * TURN).sum(axis=1)
     return complex(v1), complex(i1)
+
+
+@cache
+def _turn(cycle: int) -> np.ndarray:
+    """Weights of one cycle's samples for the phasor, RMS."""
+    return np.exp(-2j * np.pi * np.arange(cycle) / cycle) * np.sqrt(2) / cycle
 
 
 def _standing(settings: RelaySettings, volts: float, amperes: float) -> Iterator[Doubt]:

@@ -36,6 +36,13 @@ class Teller:
     ) -> None:
         self._settings, self._instances, self._bits = settings, instances, bits
         self._sources = {i.bit: (i.name, getattr(i.table, "zone", 0)) for i in instances}
+        self._told = [
+            (place, i, _said(name))
+            for i in instances
+            if i.function.told
+            for place, name in enumerate(i.bits, i.bit)
+        ]
+        self._of_told = sum(1 << place for place, _, _ in self._told)
         self._telling = [i for i in instances if i.function.tell is not None]
         self._of_trips = [n for n, i in enumerate(self._telling) if i.function.trips or i.user]
         self._last = [layout.record_of(state, i).copy() for i in self._telling]
@@ -65,18 +72,15 @@ class Teller:
         """Of the functions whose start or operate changed.  (Direction and phase selection are in the bits,
         and in a start's line.)"""
         lines, before = [], self._last_words
+        changed = [(before[kind] ^ now[kind]) & self._of_told for kind in range(2)]
+        if not any(changed):
+            return lines
         on = frozenset(name for place, name in enumerate(self._bits) if now[0] >> place & 1)
-        for instance in self._instances:
-            if not instance.function.told:
-                continue
-            for place, name in enumerate(instance.bits, instance.bit):
-                for kind, data in enumerate(("Str", "Op")):
-                    was, is_on = before[kind] >> place & 1, now[kind] >> place & 1
-                    if was != is_on:
-                        detail = "reset" if not is_on else instance.function.detail(on)
-                        # a name with a dot is whole: a signal is there, which is no start
-                        said = name.replace(".", " ") if "." in name and kind == 0 else f"{name} {data}"
-                        lines.append(" ".join(f"{said} {detail}".split()))
+        for place, instance, said in self._told:
+            for kind in range(2):
+                if changed[kind] >> place & 1:
+                    detail = instance.function.detail(on) if now[kind] >> place & 1 else "reset"
+                    lines.append(f"{said[kind]} {detail}".strip())
         return lines
 
     def notices(self, sample: int, state: NDArray[np.void], *, texts: bool = True) -> list[Event]:
@@ -89,3 +93,9 @@ class Teller:
             events += tell(names, self._last[n], now)
             self._last[n] = now.copy()
         return events
+
+
+def _said(name: str) -> tuple[str, str]:
+    """Of a bit: its start and its operation.  A name with a dot is whole: a signal is there, which is no
+    start."""
+    return name.replace(".", " ") if "." in name else f"{name} Str", f"{name} Op"

@@ -420,7 +420,7 @@ def detail(on: frozenset[str]) -> str:
     loops = [loop for loop in LOOPS if f"PHS1.{loop}" in on]
     text = "ABC" if loops == ["AB", "BC", "CA"] else " ".join(loops)
     direction = "forward" if "RDIR1.DirFwd" in on else "reverse" if "RDIR1.DirRev" in on else ""
-    return f"{text} {direction}"
+    return f"{text} {direction}".strip()
 
 
 PDIS = Function(
