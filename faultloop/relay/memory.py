@@ -133,13 +133,15 @@ def differs(c: Record, x: Phasors, reference: Phasors) -> bool:
 
 @njit
 def fill(c: Record, m: Record, x: Phasors) -> None:
-    """Restart the memory: as if the system had been as it is now for two cycles."""
+    """Restart the memory: as if the system had been as it is now, and its frequency the reference's, for two
+    cycles."""
     back = power(m.rotor.conjugate(), c.snapshot)
     turn = complex(1.0, 0.0)
     for j in range(c.snapshots):
         slot = (m.head - j) % c.snapshots
         for k in range(6):
             m.ring[slot, k] = x[k] * turn
+        m.ring_frequency[slot] = m.frequency
         turn *= back
     m.tick = 0
     m.frozen = 0
