@@ -16,6 +16,8 @@ OPTION = "--set"
 Read = TypeVar("Read")
 SETTING_PARTS = 4
 """``relay.NAME.table.key``: with fewer it is a key of the scenario's own ``[[relay]]``."""
+MOST_DIGITS = 9
+"""Of a place."""
 PLACE_TABLES = ("front_end",)
 """Tables of the scenario's own ``[[relay]]``."""
 
@@ -49,7 +51,7 @@ def setting_of(key: str, relays: Sequence[str]) -> tuple[str, str] | None:
     if parts[0] != "relay" or len(parts) < SETTING_PARTS or parts[2] in PLACE_TABLES:
         return None
     name = parts[1]
-    if name not in relays and name.isdigit() and int(name) < len(relays):
+    if name not in relays and is_place(name) and int(name) < len(relays):
         name = relays[int(name)]
     if name not in relays:
         raise _error(f"'{key}': there is no relay '{name}'; {nearest(name, list(relays))}")
@@ -77,7 +79,7 @@ def set_key(data: dict[str, Any], key: str, value: Any, *, first: int, said: str
         if isinstance(here, list):
             here = _member(here, part, where, first, said)
         elif isinstance(here, dict):
-            if part not in here and parts[depth + 1].isdigit():
+            if part not in here and is_place(parts[depth + 1]):
                 raise _error(f"'{said}': there is no [[{part}]]")
             here = here.setdefault(part, {})
         else:
@@ -90,13 +92,18 @@ def set_key(data: dict[str, Any], key: str, value: Any, *, first: int, said: str
     here[parts[-1]] = value
 
 
+def is_place(part: str) -> bool:
+    """Whether it counts members: digits as they are typed, and no more of them than any list needs."""
+    return part.isascii() and part.isdigit() and len(part) <= MOST_DIGITS
+
+
 def _member(items: list[Any], part: str, where: str, first: int, said: str) -> Any:
     names = [item.get("name", "") if isinstance(item, dict) else "" for item in items]
     if part in names:
         return items[names.index(part)]
-    if part.isdigit() and 0 <= int(part) - first < len(items):
+    if is_place(part) and 0 <= int(part) - first < len(items):
         return items[int(part) - first]
-    known = [name or str(number) for number, name in enumerate(names, first)]
+    known = [(isinstance(name, str) and name) or str(number) for number, name in enumerate(names, first)]
     raise _error(f"'{said}': no {where} '{part}'; {nearest(part, known)}")
 
 

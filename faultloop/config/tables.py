@@ -29,6 +29,8 @@ from faultloop.errors import InputError, nearest
 MOST_BYTES = 8 * 2**20
 """Of a TOML file that is read."""
 MOST_NESTED = 32
+MOST_QUOTED = 100
+"""Characters of a wrong value that a message repeats."""
 LEAST, MOST = 1e-12, 1e12
 """Of a number's size, but for 0."""
 
@@ -196,7 +198,7 @@ def input_error(
         case "tuple_type" if isinstance(value, dict):
             what = f"must be a list of tables, each headed [[{key}]]"
         case "tuple_type":
-            what = f"must be a list, not {value!r}"
+            what = f"must be a list, not {_quoted(value)}"
         case "too_short":
             what = f"at least {context.get('min_length')} needed, {context.get('actual_length')} given"
         case "too_long":
@@ -206,8 +208,14 @@ def input_error(
         case _:
             what = what[0].lower() + what[1:]
             if not isinstance(value, (dict, list)):
-                what += f", not {value!r}"
+                what += f", not {_quoted(value)}"
     return InputError(what, file=file, key=key or None)
+
+
+def _quoted(value: Any) -> str:
+    """What was given, as far as a line has room for it."""
+    text = repr(value)
+    return text if len(text) <= MOST_QUOTED else f"{text[:MOST_QUOTED]}..."
 
 
 def _key(where: tuple[int | str, ...], data: Any, first: int) -> str:

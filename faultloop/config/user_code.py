@@ -50,7 +50,7 @@ def _entry_point(name: str, group: str) -> Any:
     for found in entry_points(group=group, name=name):
         try:
             return found.load()
-        except Exception as error:  # somebody's package may raise anything while it is imported
+        except (Exception, SystemExit) as error:  # somebody's package may raise anything while it is imported
             raise InputError(f"'{name}' ({found.value}) cannot be imported ({error!r})") from error
     what = f"no installed package brings '{name}' ({group}); {nearest(name, entry_point_names(group))}"
     raise InputError(f"{what}; a file of your own is 'file.py:name'")
@@ -63,7 +63,7 @@ def _imported(value: Any) -> bool:
 def _module(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"module '{name}' cannot be imported ({error!r})") from error
 
 
@@ -78,6 +78,6 @@ def _module_of_file(path: Path) -> ModuleType:
     sys.modules[name] = module  # numba finds a function's globals through it
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise InputError(f"'{path}' cannot be run ({error!r})") from error
     return module

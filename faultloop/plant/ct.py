@@ -13,16 +13,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from faultloop.config.tables import ComplexOhm, NonNegative, Number, Poles, Positive, Seconds
+from faultloop.config.tables import ComplexOhm, NonNegative, Number, Positive
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.plant.component import Component, PlantTables
 from faultloop.plant.elements import Complex, Floats, Ints
+from faultloop.plant.instrument import Instrument
 
 SATURATING_A = 10.0
 """RMS exciting current at `vs_v` (IEEE PSRC)."""
@@ -33,18 +33,16 @@ TIME_CONSTANT_S = {"TPX": math.inf, "TPY": 1.0, "TPZ": 0.06}
 NEGLIGIBLE = 1e-9
 """The curve is left out of a step where it would change the flux by less than this share."""
 TOLERANCE = 1e-13
-FOREVER = 2**62
 FLUX, CURRENT = range(2)
 """Of a phase's state: flux linkage [V s], secondary current [A]."""
 
 
-class Ct(Component):
+class Ct(Instrument):
     """Gives its relay primary amperes by the nominal ratio; it has no effect on the network."""
 
     table: ClassVar[str] = "ct"
+    first: ClassVar[int] = 3
 
-    ratio: Annotated[tuple[Positive, Positive], Field(strict=False)]
-    """[primary, secondary] amperes."""
     model: Literal["ideal", "saturating"] = "ideal"
     """Without a transient of its own, or with saturation."""
     core: Literal["TPX", "TPY", "TPZ"] = Field(default="TPX", alias="class")
@@ -61,18 +59,6 @@ class Ct(Component):
     """Of the flux at `vs_v`, in all phases: TPX to 1, TPY to 0.1, TPZ none."""
     time_constant_s: Positive | None = None
     """Secondary, of TPY (1 s where not given) and TPZ (60 ms)."""
-    open_at_s: Seconds | None = None
-    """From then on its circuit to the relay is open: no current ..."""
-    open_for_s: Annotated[float, Field(gt=0, le=1e6)] | None = None
-    """... for so long; to the end where not given ..."""
-    open_phases: Poles = "ABC"
-    """... in these phases."""
-
-    @model_validator(mode="after")
-    def _open(self) -> Ct:
-        if self.open_at_s is None and not {"open_for_s", "open_phases"}.isdisjoint(self.model_fields_set):
-            raise ValueError("open_for_s and open_phases need open_at_s")
-        return self
 
     @model_validator(mode="after")
     def _complete(self) -> Ct:
@@ -93,22 +79,6 @@ class Ct(Component):
         if self.time_constant_s is not None and self.core == "TPX":
             raise ValueError('time_constant_s belongs to class = "TPY" or "TPZ"')
         return self
-
-    def check(self, tables: PlantTables) -> None:
-        if self.open_at_s is not None:
-            tables.within_run(self.open_at_s, self.key("open_at_s"))
-
-    def beginning_at(self, begins_s: float, tables: PlantTables) -> Self | None:
-        """A circuit that is open then is open from the beginning."""
-        if self.open_at_s is None:
-            return self
-        whole_s = math.inf if self.open_for_s is None else self.open_at_s + self.open_for_s - begins_s
-        if whole_s <= 0:
-            return self.model_copy(update={"open_at_s": None, "open_for_s": None, "open_phases": "ABC"})
-        update = {"open_at_s": max(self.open_at_s - begins_s, 0.0)}
-        if self.open_for_s is not None:
-            update["open_for_s"] = whole_s - update["open_at_s"]
-        return self.model_copy(update=update)
 
     @property
     def turns(self) -> float:
@@ -167,27 +137,6 @@ def core_constants(ct: Ct, frequency_hz: float, rate: float) -> list[float]:
     half, curve = resistance / (2 * rate), ct.curve(frequency_hz)
     knee = (NEGLIGIBLE / (curve * (half + leakage))) ** (1 / (ct.s - 1))
     return [half + leakage, half - leakage, 1 / magnetizing, curve, ct.s, knee]
-
-
-def open_circuits(cts: Sequence[tuple[int, Ct]], rate: float) -> Ints:
-    """(n, 4) of those among ``cts`` whose circuits open: relay, phases, first step, first one after it."""
-    rows = []
-    for relay, ct in cts:
-        if ct.open_at_s is not None:
-            end = FOREVER if ct.open_for_s is None else round((ct.open_at_s + ct.open_for_s) * rate)
-            phases = sum(1 << "ABC".index(phase) for phase in ct.open_phases)
-            rows.append([relay, phases, round(ct.open_at_s * rate), end])
-    return np.array(rows, dtype=np.int64).reshape(-1, 4)
-
-
-@njit
-def open_step(circuits: Ints, step: int, x: Floats) -> None:
-    """What an open circuit takes away of the currents in ``x`` (relays, 6), in place."""
-    for k in range(circuits.shape[0]):
-        if circuits[k, 2] <= step < circuits[k, 3]:
-            for p in range(3):
-                if circuits[k, 1] >> p & 1:
-                    x[circuits[k, 0], 3 + p] = 0.0
 
 
 def settle_ct(cts: Cts, state: Floats, x: Complex, angle: float) -> None:

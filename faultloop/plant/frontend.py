@@ -14,7 +14,8 @@ from faultloop.config.place import FrontEnd
 from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.plant.component import Component, PlantTables
-from faultloop.plant.ct import FLUX, Ct, Cts, ct_constants, ct_step, open_circuits, open_step, settle_ct
+from faultloop.plant.ct import FLUX, Ct, Cts, ct_constants, ct_step, settle_ct
+from faultloop.plant.instrument import open_circuits, open_step
 from faultloop.plant.vt import MODES, Vt, Vts, settle_vt, vt_constants, vt_step
 
 C = TypeVar("C", bound=Component)
@@ -35,7 +36,7 @@ class FrontEnds(NamedTuple):
     sign: NDArray[np.float64]
     ct: Cts
     opened: NDArray[np.int64]
-    """(circuits, 4) of current transformers that open (`faultloop.plant.ct.open_circuits`)"""
+    """(circuits, 4) of transformers that open (`faultloop.plant.instrument.open_circuits`)"""
     vt: Vts
     stepped: NDArray[np.bool_]
     """(1,) whether any relay has a low-pass or a transformer that is not ideal, so that every step must be
@@ -74,9 +75,10 @@ def front_ends(
             rows = _butterworth(s, rate, f"relay[{owners[i].name}].front_end.antialias_hz")
             lowpass[i, : len(rows)] = rows
     sections = [s.antialias_order // 2 if s.antialias_hz else 0 for s in settings]
-    opened = open_circuits(_named(tables, "ct", Ct), rate)
-    cts = ct_constants(_named(tables, "ct", Ct), float(tables.system.frequency_hz), rate)
-    vts = vt_constants(_named(tables, "vt", Vt), float(tables.system.frequency_hz), rate)
+    own_cts, own_vts = _named(tables, "ct", Ct), _named(tables, "vt", Vt)
+    opened = open_circuits([*own_cts, *own_vts], rate)
+    cts = ct_constants(own_cts, float(tables.system.frequency_hz), rate)
+    vts = vt_constants(own_vts, float(tables.system.frequency_hz), rate)
     flat = [term for relay in terms for term in relay]
     rated_peak = tables.system.base_kv * 1e3 * math.sqrt(2 / 3)
     noise = [[s.voltage_noise_v] * 3 + [s.current_noise_a] * 3 for s in settings]
@@ -212,8 +214,8 @@ def measure(
 def transform(front: FrontEnds, state: Analog, step: int, x: NDArray[np.float64]) -> None:
     """One step of everything that remembers, in place."""
     ct_step(front.ct, state.ct, x)
-    open_step(front.opened, step, x)
     vt_step(front.vt, state.vt, x)
+    open_step(front.opened, step, x)
     lowpass(front, state.lowpass, x)
 
 

@@ -12,17 +12,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from faultloop.config.cvt_circuit import Circuit, chosen_circuit, what_mistunes
-from faultloop.config.tables import NonNegative, Positive
+from faultloop.config.tables import NonNegative
 from faultloop.errors import InputError
 from faultloop.jit import njit
-from faultloop.plant.component import Component, PlantTables
+from faultloop.plant.component import PlantTables
 from faultloop.plant.elements import Complex, Floats, Ints
+from faultloop.plant.instrument import Instrument
 
 MODES = 6
 """Of the largest circuit."""
@@ -30,13 +31,12 @@ SMALL = 1e-3
 """Below this |pT| a weight is a series: its formula cancels."""
 
 
-class Vt(Component):
+class Vt(Instrument):
     """Gives its relay primary volts by the nominal ratio; it has no effect on the network."""
 
     table: ClassVar[str] = "vt"
+    first: ClassVar[int] = 0
 
-    ratio: Annotated[tuple[Positive, Positive], Field(strict=False)]
-    """[primary, secondary] volts."""
     model: Literal["ideal", "cvt"] = "ideal"
     """Without a transient of its own, or capacitive."""
     circuit: Circuit | None = None
@@ -53,6 +53,7 @@ class Vt(Component):
         return self
 
     def check(self, tables: PlantTables) -> None:
+        super().check(tables)
         if self.circuit is not None:
             what = what_mistunes(self.circuit, self.burden_va, tables.system.frequency_hz)
             if what is not None:

@@ -110,7 +110,7 @@ class PythonEntry:
     """A plain Python step behind an address; what it raises is kept for the relay to raise."""
 
     def __init__(self, call: Callable[[int, int, int, int], None]) -> None:
-        self.error: Exception | None = None
+        self.error: BaseException | None = None
         self._call = call
         self._callback = CALLBACK(self._enter)  # kept: it owns the machine code
         self.address = int(ctypes.cast(self._callback, ctypes.c_void_p).value or 0)
@@ -119,7 +119,7 @@ class PythonEntry:
         if self.error is None:
             try:
                 self._call(g, q, c, w)
-            except Exception as error:
+            except BaseException as error:  # whatever it is, it cannot pass through the kernel
                 self.error = error
 
 

@@ -31,8 +31,6 @@ MEMORY_CYCLES = 2
 
 ANEW = 2
 """Frozen so for one sample, in which there is no disturbance."""
-UNBALANCE = 0.2
-"""Of the change's positive sequence: with less negative and zero sequence it is balanced."""
 JUMP = 3.0
 """Of what moved before, in as much time: more is a new fault."""
 SOUND = 0.8
@@ -263,7 +261,7 @@ def is_unbalanced(c: Record, x: Phasors, reference: Phasors) -> bool:
         zero += scale * zeros
         positive += scale * size2(one + A * two + A2 * three)
         negative += scale * negatives
-    return seen and max(negative, zero) > UNBALANCE**2 * positive
+    return seen and max(negative, zero) > c.three_phase**2 * positive
 
 
 @njit

@@ -79,6 +79,7 @@ CONSTANTS = np.dtype(
         ("pickup_current", "f8"),  # a change that is a disturbance [A] ...
         ("pickup_current_pu", "f8"),  # ... or of the load current
         ("pickup_voltage_pu", "f8"),
+        ("three_phase", "f8"),  # negative and zero sequence of a change that is balanced, over the positive
         ("ideal_vt", "i8"),  # the voltage transformer has no transient of its own
         ("in_front", "i8"),  # the voltages are those in front of one whose circuit is known, by its inverse
         ("inverse", "f8", (cvt.CONSTANTS,)),
@@ -129,6 +130,7 @@ QUANTITIES = np.dtype(
             "i8",
         ),  # snapshots in a row of closed poles with neither voltage nor current, not loaded before
         ("missing", "i8"),  # mask of phases whose current is missing
+        ("vanished", "i8"),  # all three have gone at one moment
         ("without", "i8", (6,)),  # samples in a row of which there is no value
         # the memory, and what is new against it
         ("memory", MEMORY),
@@ -220,6 +222,7 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "pickup_current": settings.amperes(phs.pickup_current_a, DEFAULT_CURRENT_A / 2),
         "pickup_current_pu": phs.pickup_current_pu,
         "pickup_voltage_pu": phs.pickup_voltage_pu,
+        "three_phase": phs.three_phase_unbalance,
         "ideal_vt": settings.vt.kind is not None,
         "in_front": settings.inverse_vt is not None,
         "inverse": cvt.no_inverse() if settings.inverse_vt is None else settings.inverse_vt,

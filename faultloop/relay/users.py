@@ -32,7 +32,11 @@ OUT = 2
 RECORDS_ENTRY = """
 def entry(g, q, c, w):
     shared, quantities = carray(g, 1, CONSTANTS), carray(q, 1, QUANTITIES)
-    nothing(step(shared[0], quantities[0], carray(c, 1, OWN)[0], carray(w, 1, STATE)[0]))
+    own = carray(c, 1, OWN)[0]
+    try:
+        nothing(step(shared[0], quantities[0], own, carray(w, 1, STATE)[0]))
+    except Exception:
+        own.failed = 1
 """
 
 ARRAYS_ENTRY = """
@@ -44,7 +48,10 @@ def entry(g, q, c, w):
         mine[OUT + k] = measured[k]
     mine[0] = 0.0
     mine[1] = 0.0
-    nothing(step(mine[OUT + ROW :], mine[OUT : OUT + ROW], mine[:OUT]))
+    try:
+        nothing(step(mine[OUT + ROW :], mine[OUT : OUT + ROW], mine[:OUT]))
+    except Exception:
+        own.failed = 1
     publish(carray(q, 1, QUANTITIES)[0], own.bit, mine[0] > 0.5, mine[1] > 0.5)
 """
 
@@ -74,9 +81,11 @@ class UserElement:
         }
 
     @property
-    def error(self) -> Exception | None:
-        """What its Python code has raised."""
-        return self.entry.error if isinstance(self.entry, PythonEntry) else None
+    def error(self) -> BaseException | None:
+        """What its code has raised; of a compiled one numba does not say what."""
+        if isinstance(self.entry, PythonEntry):
+            return self.entry.error
+        return RuntimeError("its compiled code raises") if self.constants["failed"][0] else None
 
 
 def load_elements(settings: Any) -> list[UserElement]:
@@ -103,9 +112,14 @@ def _with_records(element: ElementSettings, function: Function, settings: Any) -
     if element.state:
         raise InputError(f"'{function.name}' has a state of its own; it is not set", key="state")
     table = validate(function.settings, element.parameters)
-    constants = np.zeros(1, function.constants_dtype)
-    for key, value in function.values(settings, table).items():
-        constants[key] = value
+    constants = _constants(function)
+    try:
+        for key, value in function.values(settings, table).items():
+            constants[key] = value
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"the values of '{function.name}' are none ({error!r})") from error
     state = function.initial_state(1)
     names = {"OWN": constants.dtype, "STATE": state.dtype}
 
@@ -116,6 +130,12 @@ def _with_records(element: ElementSettings, function: Function, settings: Any) -
     return UserElement(element.name, function, table, constants, state, entry)
 
 
+def _constants(function: Function) -> NDArray[np.void]:
+    """(1,) of the function's constants, and whether its compiled step has raised."""
+    fields = function.constants_dtype.fields or {}
+    return np.zeros(1, np.dtype([*((k, f[0]) for k, f in fields.items()), ("failed", "i8")], align=True))
+
+
 def _with_arrays(element: ElementSettings, step: Any) -> UserElement:
     if not inspect.isroutine(step) and not isinstance(step, Dispatcher):
         raise InputError(f"'{element.function}' is neither a function nor a Function")
@@ -123,7 +143,7 @@ def _with_arrays(element: ElementSettings, step: Any) -> UserElement:
         known = nearest(key, ElementSettings.model_fields)
         raise InputError(f"unknown key; {known} (a plain step has no parameters of its own)", key=key)
     function = Function("ELEMENT", NoSettings, step, constants=(("length", "i8"),))
-    constants = np.zeros(1, function.constants_dtype)
+    constants = _constants(function)
     constants["length"] = len(element.state)
     mine = np.array([*np.zeros(OUT + ROW), *element.state], np.float64)
     names = {"OWN": constants.dtype, "OUT": OUT, "ROW": ROW, "FLOAT": np.float64, "publish": publish}

@@ -44,6 +44,8 @@ def test_a_setting_is_reached(key: str, value: object, read: object) -> None:
         ("pdis.3.reach_pu", "no pdis '3'; known: 1, 2"),
         ("pdis.reach_pu", "name one of pdis"),
         ("element.MINNE.trip", "did you mean 'MINE'?"),
+        ("pdis.\u00b2.reach_pu", "no pdis '\u00b2'; known: 1, 2"),  # a digit that is no number
+        (f"pdis.{'1' * 5000}.reach_pu", "known: 1, 2"),  # more digits than Python converts
         ("relay.frequency_hz.value", "relay.frequency_hz is not a table"),
         ("ptoc.1.pickup_a", "there is no [[ptoc]]"),
     ],
@@ -65,6 +67,18 @@ def test_a_wrong_key_or_value_is_the_settings_affair() -> None:
             RelaySettings.from_dict(override_settings(DATA, key, value))
         assert error.value.key == f"pdis[2].{key.rpartition('.')[2]}"
         assert words in error.value.what
+
+
+def test_a_name_that_is_no_text_is_not_compared() -> None:
+    data = {"relay": [{"name": [{}]}, {"name": "RB"}]}
+    with pytest.raises(InputError, match="no relay 'RC'; did you mean 'RB'"):
+        override_settings(data, "relay.RC.line", "AB")
+
+
+def test_a_long_value_is_not_repeated_whole() -> None:
+    with pytest.raises(InputError) as error:
+        RelaySettings.from_dict(override_settings(DATA, "pdis.2.reach_pu", "x" * 5000))
+    assert error.value.what.endswith("xxx...") and len(error.value.what) < 200
 
 
 def test_more_parts_than_the_scenarios_key_mean_the_setting() -> None:

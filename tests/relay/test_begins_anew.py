@@ -87,9 +87,17 @@ BEFORE, LOADED = Network().solve(), Network(angle_deg=25).solve()
 FAULTED = Network(angle_deg=25).solve("AG")
 
 
-def begins(before: Any, was: Any, now: Any, earlier: Any = None, age: int = 2 * CYCLE, tick: int = 1) -> bool:
+def begins(
+    before: Any,
+    was: Any,
+    now: Any,
+    earlier: Any = None,
+    age: int = 2 * CYCLE,
+    tick: int = 1,
+    **table: float,
+) -> bool:
     """Of phasors before the disturbance, at both snapshots within it (the earlier as the later), and now."""
-    k = Kernel(PHS, {})
+    k = Kernel(PHS, table)
     m = k.q["memory"]
     m["rotor"], m["age"], m["tick"], m["head"], m["reference"] = ROTOR, age, tick, 3, before
     back = 5 * int(k.g["snapshots"]) // 16
@@ -117,6 +125,13 @@ def test_what_stays_or_is_balanced_is_the_first_one_itself() -> None:
     assert not begins(BEFORE, LOADED, Network(angle_deg=40).solve())
     assert not begins(BEFORE, LOADED, Network(angle_deg=25).solve("ABC"))
     assert not begins(BEFORE, BEFORE, Network().solve("AG")), "nothing had changed half a cycle ago"
+
+
+def test_balanced_is_what_the_phase_selection_takes_for_three_phases() -> None:
+    """Here I2 is 0.3 of I1 in the change."""
+    now = LOADED + 0.6 * (FAULTED - LOADED) + 0.25 * (Network(angle_deg=25).solve("ABC") - LOADED)
+    assert begins(BEFORE, LOADED, now, three_phase_unbalance=0.1)
+    assert not begins(BEFORE, LOADED, now, three_phase_unbalance=0.45)
 
 
 def test_what_settles_begins_nothing() -> None:

@@ -137,12 +137,46 @@ def test_a_plain_step_has_no_parameters(root: Path, tmp_path: Path) -> None:
     assert error.value.key == "element[PTOC1].trop"
 
 
-def test_what_a_python_step_raises_names_the_element(tmp_path: Path) -> None:
-    source = "def step(state, x, out):\n    raise RuntimeError('too hot')\n"
-    relay = Relay(with_element(tmp_path, source, '[[element]]\nname = "MINE"\nfunction = "stub.py:step"\n'))
-    with pytest.raises(InputError, match="failed near sample 0: RuntimeError: too hot") as error:
+MINE = '[[element]]\nname = "MINE"\nfunction = "stub.py:step"\n'
+STEP = "def step(state, x, out):\n    "
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        (f"{STEP}raise RuntimeError('too hot')\n", "RuntimeError: too hot"),
+        (f"{STEP}raise SystemExit(3)\n", "SystemExit: 3"),
+        (f"from numba import njit\n@njit\n{STEP}raise ValueError('hot')\n", "its compiled code raises"),
+    ],
+)
+def test_what_a_step_raises_names_the_element(tmp_path: Path, source: str, words: str) -> None:
+    relay = Relay(with_element(tmp_path, source, MINE))
+    with pytest.raises(InputError, match=f"failed near sample 0: .*{words}") as error:
         relay.advance(NETWORK.fault("AG", 0.9))
     assert error.value.key == "element[MINE].function"
+
+
+def test_ctrl_c_in_a_step_is_one(tmp_path: Path) -> None:
+    relay = Relay(with_element(tmp_path, f"{STEP}raise KeyboardInterrupt\n", MINE))
+    with pytest.raises(KeyboardInterrupt):
+        relay.advance(NETWORK.fault("AG", 0.9))
+
+
+OWN = """
+from faultloop.config.tables import Table
+from faultloop.relay.functions.function import Function
+class Own(Table):
+    pass
+step = Function("OWN", Own, lambda g, q, c, w: None, values=lambda settings, table: {"nothing": 1})
+"""
+
+
+@pytest.mark.parametrize(
+    ("source", "words"), [("raise SystemExit", "cannot be run"), (OWN, "the values of 'OWN' are none")]
+)
+def test_a_file_that_is_none_is_named(tmp_path: Path, source: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Relay(with_element(tmp_path, source, MINE))
 
 
 @pytest.mark.parametrize("method", ["fourier", "kalman-bank", "m-class"])

@@ -53,6 +53,43 @@ def test_load_with_a_current_missing(from_s: float, angle: float) -> None:
         assert not trips, (phases, trips)
         told = [text for text in texts if f"no current of phase {phases} " in text]
         assert len(told) == (phases != "ABC"), (phases, texts)
+        vanished = [text for text in texts if "the currents of all phases went at one moment" in text]
+        assert len(vanished) == (phases == "ABC" and from_s > 0), (phases, texts)
+
+
+@pytest.mark.parametrize("method", ["kalman-bank", "fourier", "least-squares", "cosine"])
+@pytest.mark.parametrize("sampling_hz", [1000, 2400, 4800, 14400])
+def test_all_currents_that_vanish_at_one_moment_are_told_and_a_load_that_goes_is_not(
+    method: str, sampling_hz: int
+) -> None:
+    """A breaker's poles part one after the other, each at its current's zero."""
+    network = Network(sampling_hz=sampling_hz)
+    load = network.samples([(0.0, network.solve())], 0.6)
+    t = np.arange(len(load)) / sampling_hz
+    for moment_s in 0.3 + np.linspace(0.0, 0.02, 7):
+        for gone in (False, True):
+            x = load.copy()
+            for phase, current in enumerate(network.solve()[3:]):
+                zero_s = (np.pi / 2 - np.angle(current)) / (100 * np.pi)
+                after = moment_s if not gone else zero_s + 0.01 * np.ceil((moment_s - zero_s) / 0.01)
+                x[t >= after, 3 + phase] = 0.0
+            header = {"frequency_hz": 50, "sampling_hz": sampling_hz, "nominal_kv": network.kv}
+            data = settings_dict(network, ZONES, estimator={"method": method}, relay=header)
+            trips, texts = run(Relay(RelaySettings.from_dict(data)), x)
+            assert not trips
+            told = [text for text in texts if "went at one moment" in text]
+            assert len(told) == (not gone), (moment_s, gone, texts)
+
+
+@pytest.mark.parametrize("kind", ["AG", "BC", "ABC"])
+def test_after_what_took_all_currents_away_a_fault_trips_as_soon(kind: str) -> None:
+    """It was a converter that blocked, and the line is fed again with the fault."""
+    network = Network()
+    x = samples(network, kind, 0.3)
+    x[round(4800 * LOAD_S) : round(4800 * FAULT_S), 3:] = 0.0
+    trips, texts = run(relay(network), x)
+    assert any("went at one moment" in text for text in texts)
+    assert 1000 * (trips[0][0] / 4800 - FAULT_S) < 30
 
 
 def test_a_current_that_comes_back_is_told() -> None:

@@ -3,6 +3,7 @@
 Zones, direction and phase selection need the memory of a healthy system.  Until there is one, and while there
 is none any more, they are blocked, ``LPHD1.PhyHealth`` is on, and an event says the cause.  So it is with a
 phase whose voltage or current is missing: its loops are blocked, and without a current the ground loops, too.
+All three currents that go at one moment are told as well (`faultloop.relay.currents`).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from faultloop.relay.quantities import Record, indicate
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
-READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, MISSING, CURRENT = range(9)
+READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, MISSING, CURRENT, VANISHED = range(10)
 ALL_PHASES = 7
 CAUSES = (
     "",
@@ -53,7 +54,9 @@ def cause(g: Record, q: Record) -> int:
     if q.ready:
         if q.proven != ALL_PHASES:
             return MISSING
-        return CURRENT if q.missing else READY
+        if q.missing:
+            return CURRENT
+        return VANISHED if q.vanished else READY
     if q.memory.seen <= g.settling:
         return SETTLING
     if q.memory.blind > 0:
@@ -94,6 +97,9 @@ def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
     elif now["cause"] == CURRENT:
         phases = poles_text(int(now["missing"]))
         text = f"LPHD1 no current of phase {phases} beside the others': its loops, and to ground, are blocked"
+        yield Event(names.sample, "warning", text)
+    elif now["cause"] == VANISHED:
+        text = "LPHD1 the currents of all phases went at one moment, as no load does: nothing is measured"
         yield Event(names.sample, "warning", text)
     else:
         level = "info" if now["cause"] == OPENED else "warning"  # it follows every trip

@@ -74,8 +74,8 @@ class Phs(Table):
 
 
 def values(settings: RelaySettings, table: Phs) -> dict[str, Any]:
-    """The limits of the classification (the pickups are shared: `faultloop.relay.quantities`)."""
-    return {"single_phase": table.single_phase_ratio, "three_phase": table.three_phase_unbalance}
+    """One phase or two (pickups and three phases are shared: `faultloop.relay.quantities`)."""
+    return {"single_phase": table.single_phase_ratio}
 
 
 @njit
@@ -88,7 +88,7 @@ def classify(g: Record, c: Record, d: NDArray, change: NDArray) -> int:
     zero = size2(change[0]) + z2 * size2(change[3])
     positive = size2(change[1]) + z2 * size2(change[4])
     negative = size2(change[2]) + z2 * size2(change[5])
-    limit = c.three_phase**2 * positive
+    limit = g.three_phase**2 * positive
     if negative < limit and zero < limit:
         return 7
     if zero > 0.01 * positive:  # a tenth: there is ground in it, so it may be one phase
@@ -338,7 +338,7 @@ PHS = Function(
     name="PHS",
     settings=Phs,
     step=step,
-    constants=(("single_phase", "f8"), ("three_phase", "f8")),
+    constants=(("single_phase", "f8"),),
     values=values,
     state=(
         ("fault", "i8"),

@@ -19,7 +19,9 @@ current turns, and the two ends do not see that at the same moment (in dcb it go
 
 An end that sees nothing, as its source is weak or its breaker open, sends what it receives back: the echo,
 once for each signal, at once with the breaker open, else after `echo_delay_ms` without a start.  With
-``weak_infeed = "echo-and-trip"`` it trips too, the poles whose voltage is low.
+``weak_infeed = "echo-and-trip"`` it trips too, the poles whose voltage is low.  One that has been without a
+voltage or a current for a while sees nothing of a fault behind it either: it sends none back, and in dcb it
+blocks.
 
 A trip may be transferred by a message of its own (`transfer`), which is taken when two frames agree.
 
@@ -54,6 +56,8 @@ LINE_END_OPEN_MS = 50.0
 """So long a breaker is open before its relay's echo does not wait."""
 UNEXPECTED_MS = 200.0
 """So long a signal may be received while nothing starts here."""
+BLIND_MS = 100.0
+"""So long an input is missing before an end is blind: what goes with the fault may be the fault's."""
 Zone = Annotated[int, Field(ge=1)]
 
 
@@ -159,6 +163,7 @@ def values(settings: RelaySettings, table: Psch) -> dict[str, Any]:
         "channel_alarm": samples("channel_alarm_ms"),
         "line_end_open": settings.samples(LINE_END_OPEN_MS),
         "unexpected": settings.samples(UNEXPECTED_MS),
+        "blind": settings.samples(BLIND_MS),
     }
 
 
@@ -230,6 +235,14 @@ def weak(q: Record, c: Record) -> int:
 
 
 @njit
+def is_blind(q: Record, c: Record, w: Record) -> bool:
+    """Whether a voltage or a current has been missing for a while; with the breaker open none is needed."""
+    missing = q.fuse_failure or q.missing or q.vanished or q.proven != 7
+    w.blind = w.blind + 1 if missing and w.open <= c.line_end_open else 0
+    return w.blind > c.blind
+
+
+@njit
 def watch_channel(q: Record, c: Record, w: Record, rx: int, seen: bool) -> None:
     """Counts for how long the channel is silent, and a signal there while nothing starts here; tells both."""
     w.silent = 0 if q.linked else w.silent + 1
@@ -256,6 +269,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     w.open = w.open + 1 if q.closed == 0 else 0
     seen = ahead or behind or under
     watch_channel(q, c, w, rx, seen)
+    blind = is_blind(q, c, w)
 
     # what it trips
     poles = 0
@@ -274,7 +288,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
             poles = common
     op = poles != 0
     weak_poles = 0
-    back = echo(c, w, rx, seen or blocked)
+    back = echo(c, w, rx, seen or blocked or blind)
     if back and c.weak_infeed == ECHO_AND_TRIP:
         low = weak(q, c)
         w.low = w.low + 1 if low else 0
@@ -301,7 +315,7 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     elif c.type == PUTT or c.type == DUTT:
         sent = own if under and not behind else 0
     elif c.type == DCB:
-        sent = 7 if blocked and (w.guard > 0 or not ahead) else 0
+        sent = 7 if blind or (blocked and (w.guard > 0 or not ahead)) else 0
     if c.type != DCB and c.type != DTT:
         if w.hold > 0 and not blocked:
             sent |= w.held
@@ -341,7 +355,7 @@ PSCH = Function(
         *((name, "i8") for name in ("reverse_pickup", "reverse_hold", "send_hold")),
         *((name, "i8") for name in ("weak_infeed", "echo_delay", "echo", "echo_lockout")),
         ("weak_voltage2", "f8"),
-        *((name, "i8") for name in ("transfer", "channel_alarm", "line_end_open", "unexpected")),
+        *((name, "i8") for name in ("transfer", "channel_alarm", "line_end_open", "unexpected", "blind")),
     ),
     values=values,
     state=(
@@ -349,6 +363,7 @@ PSCH = Function(
         ("guard", "i8"),  # samples for which that still blocks
         ("received", "i8"),  # samples of the signal
         ("open", "i8"),  # samples for which the breaker has been open
+        ("blind", "i8"),  # samples for which an input has been missing
         ("together", "i8"),  # samples of coincidence, or of none
         ("echo", "i8"),  # samples that it still lasts; ANSWERED: this signal has had its answer
         ("lockout", "i8"),  # samples without a signal until there is another echo

@@ -5,6 +5,9 @@ change of the current, in the modified form of Schweitzer (1990) for ground loop
 
     m = Im(V If*) / Im(Z1 I If*)      If = 3 I0 (ground loops), the change of the loop current (phase loops)
 
+The current of a ground loop has the parallel line's residual current in it where that is measured, as the
+zones' has (Schweitzer 1990, with I + 3 k0 I0 + 3 kM Ip0).
+
 The answer is the mean over about half a cycle where it stood stillest, the later of two that are equally
 still: the window before the estimator has settled and the one in which the breaker opens both move.  It
 is frozen when a faulted pole's current is gone, and told when no zone is started any more, even while
@@ -51,7 +54,7 @@ def values(settings: RelaySettings, table: Rflo) -> dict[str, Any]:
 def estimate(g: Record, q: Record, c: Record, loop: int, k0: complex) -> float:
     """Distance by one loop, per unit of the line."""
     v = loop_voltage(q.x, loop)
-    i = loop_current(q.x, loop, k0)
+    i = loop_current(q.x, loop, k0) + (q.mutual if loop < 3 else 0.0)
     polarizing = i
     if c.takagi and loop < 3:
         polarizing = q.x[3] + q.x[4] + q.x[5]

@@ -186,6 +186,37 @@ def test_a_weak_end_trips_the_phase_whose_voltage_is_low(volts: float, fuse: int
     assert end.bit(WEAK) == trips and (end.trips in (0, 1))
 
 
+BLIND = ({"fuse_failure": 1}, {"missing": 0b010}, {"vanished": 1}, {"proven": 0b101})
+
+
+@pytest.mark.parametrize("lost", BLIND)
+def test_an_end_that_misses_an_input_sends_nothing_back(lost: dict[str, int]) -> None:
+    """Of a fault behind it, it sees nothing either, and the other end sees that ahead; but what is missing
+    since the fault may be the fault's."""
+    for before_ms, sent in ((110, False), (0, True)):
+        end = Scheme(type="pott", weak_infeed="echo-and-trip")
+        end.q["x"][0] *= 0.5
+        end.run(before_ms, **lost)
+        end.rx = 1
+        end.run(50, **lost)
+        assert end.bit(ECHO) == (end.q["pilot"] != 0) == sent
+        if not sent:
+            assert not end.bit(WEAK) and not end.trips
+    opened = Scheme(type="pott", weak_infeed="echo")
+    opened.run(200, closed=0, **lost)
+    opened.rx = 1
+    assert opened.run(1, closed=0, **lost).bit(ECHO), "nothing flows through an open breaker"
+
+
+@pytest.mark.parametrize("lost", BLIND)
+def test_a_blocking_end_that_misses_an_input_blocks(lost: dict[str, int]) -> None:
+    end = Scheme(type="dcb")
+    assert not end.run(50, **lost).bit(TX)
+    assert end.run(60, **lost).bit(TX) and end.q["pilot"] == 7
+    whole = {key: 7 if key == "proven" else 0 for key in lost}
+    assert not end.run(1, **whole).bit(TX)
+
+
 def test_poles_of_a_cross_country_fault() -> None:
     """A-G here and B-G on the parallel line near the far end: this end sees A-B-G, the far end A-G ahead."""
     end = Scheme(type="pott")

@@ -56,3 +56,26 @@ def test_behind_nothing_is_located() -> None:
     k.disturb(NETWORKS["strong"].solve(), NETWORKS["strong"].solve("AG", -0.5))
     k.step(count=100, zone_started=1, fault=1, direction=-1)
     assert np.isnan(k.w["value"])
+
+
+@pytest.mark.parametrize("method", ["takagi", "reactance"])
+@pytest.mark.parametrize(("at", "beside"), [(0.5, 1 / 3), (0.8, 2 / 3), (0.8, -0.2), (0.5, 0.0)])
+def test_the_parallel_lines_residual_current_is_taken_out(at: float, beside: float, method: str) -> None:
+    """V = x (Z1 (Ia + 3 k0 I0) + Z0m Ip0) of a bolted A-G; without Ip0 it looks farther."""
+    z1, z0, z0m = 3 + 30j, 25 + 100j, 20 + 60j
+    current = np.array([1000.0 * np.exp(-1.4j), 0.0, 0.0])
+    i0 = current.sum() / 3
+    before = np.concatenate([np.exp(-2j * np.pi / 3 * np.arange(3)) * 130e3, np.zeros(3)])
+    now = before.copy()
+    now[0] = at * (z1 * current[0] + (z0 - z1) * i0 + z0m * beside * i0)
+    now[3:] = current
+    line = {"z1_ohm": [3.0, 30.0], "z0_ohm": [25.0, 100.0], "z0m_ohm": [20.0, 60.0]}
+    found = []
+    for compensated in (True, False):
+        k = Kernel(RFLO, {"method": method}, line=line)
+        k.disturb(before, now)
+        mutual = k.g["mutual"] * 3 * beside * i0 if compensated else 0.0
+        k.step(count=60, zone_started=1, fault=1, direction=1, mutual=mutual)
+        found.append(float(k.w["value"]))
+    assert found[0] == pytest.approx(at, abs=1e-6)
+    assert (found[1] > at + 0.02) == (beside > 0)
