@@ -70,7 +70,8 @@ def times_by_position(results: Results, relay: str) -> Diagram | None:
         curves,
         _limits(results, relay, "y"),
         y_range=(0, None),
-        note=f"{COUNTED} Line: the median, of all cases{where}; it ends where less than half of them were tripped. Dotted: the slowest trip.",
+        note=f"{COUNTED} Line: the median, of all cases{where};"
+        " it ends where less than half of them were tripped. Dotted: the slowest trip.",
     )
 
 
