@@ -34,9 +34,9 @@ def command(
     ct_ratio: Annotated[float | None, typer.Option(metavar="R", help="Of all currents, as 240.")] = None,
     vt_ratio: Annotated[float | None, typer.Option(metavar="R", help="Of all voltages, as 1100.")] = None,
     from_: Annotated[
-        float, typer.Option("--from", metavar="S", help="Play from here [s] of the record.")
+        float, typer.Option("--from", metavar="S", help="Play from here, in seconds from the record's start.")
     ] = 0.0,
-    to: Annotated[float | None, typer.Option("--to", metavar="S", help="Play to here [s].")] = None,
+    to: Annotated[float | None, typer.Option("--to", metavar="S", help="Play to here, in seconds.")] = None,
     log: Annotated[
         Path | None, typer.Option(metavar="F.mcap", help="The log to write; default logs/RECORD-replay.mcap.")
     ] = None,

@@ -92,10 +92,11 @@ class Log:
         return log_html(repr(self).strip("<>"), self.trips, self.events)
 
     def plot(self, relay: str | None = None) -> Figure:
-        """Voltages and currents of a relay, or of all side by side, with the trips: a matplotlib Figure.  Of
-        more samples than a picture has points the least and the greatest of each few are drawn."""
+        """Voltages and currents of a relay, or of all side by side, with faults and trips: a Figure.  Of more
+        samples than a picture has points the least and the greatest of each few are drawn."""
         names = self.relays if relay is None else (relay,)
-        marks = [(trip.t_ns, f"{trip.source} {trip.function}") for trip in self.trips]
+        marks = [(fault.t_ns, "fault") for fault in self.faults if fault.on]
+        marks += [(t.t_ns, f"{t.source} {t.function}") for t in self.trips if t.source in names]
         return figure({name: drawn(self, name) for name in names}, marks)
 
     def count(self, topic: str) -> int:

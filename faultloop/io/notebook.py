@@ -12,6 +12,7 @@ from faultloop.errors import InputError, nearest
 from faultloop.io.messages import CHANNELS, ELEMENTS, SAMPLED, SAMPLED_VALUES, array_dtype, values
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from faultloop.io.mcap_reader import Log
@@ -21,6 +22,8 @@ FRAME_BYTES = 1 << 32
 """Of a data frame, at most."""
 POINTS = 20_000
 """Of a curve in a figure, which is some hundred pixels wide."""
+LABEL_POINTS = 11
+"""Height of a row of texts above a figure's waves."""
 Arrays = Mapping[str, np.ndarray]
 """Of one relay: "samples", "phasors", "loops", "elements", those there are, as the log's reader has them."""
 
@@ -47,28 +50,53 @@ def thinned(rows: np.ndarray, every: int) -> np.ndarray:
 
 
 def figure(relays: Mapping[str, np.ndarray], marks: Sequence[tuple[int, str]]) -> Figure:
-    """Voltages and currents side by side; ``relays``: sampled values by name; ``marks``: ns and text."""
+    """Voltages and currents side by side; ``relays``: sampled values by name; ``marks``: ns and text, which
+    begins with the relay whose it is, or with none's."""
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
-    shown = Figure(figsize=(6.5 * max(len(relays), 1), 4.5), layout="constrained")
+    shown = Figure(figsize=(6.5 * max(len(relays), 1), 4.8), layout="constrained")
     axes = shown.subplots(2, max(len(relays), 1), squeeze=False, sharex=True, sharey="row")
     for column, (name, rows) in zip(axes.T, relays.items(), strict=False):
         ms, own = rows["t_ns"] / 1e6, values(rows) / 1e3
-        for k, channel in enumerate(CHANNELS):
-            column[k // 3].plot(ms, own[:, k], color=COLOURS[k % 3], lw=1, label=channel)
-        column[0].set_title(name)
+        for k in range(len(CHANNELS)):
+            column[k // 3].plot(ms, own[:, k], color=COLOURS[k % 3], lw=1)
         column[1].set_xlabel("time from the start [ms]")
+        others = tuple(f"{other} " for other in relays if other != name)
+        here = [
+            (t_ns / 1e6, text.removeprefix(f"{name} ")) for t_ns, text in marks if not text.startswith(others)
+        ]
+        span = (float(ms[0]), float(ms[-1])) if len(ms) else (0.0, 0.0)
+        levels = _label(column[0], here, span)
+        column[0].set_title(name, loc="left", weight="bold", pad=6 + LABEL_POINTS * levels)
         for one in column:
-            one.legend(loc="upper right", ncols=3, fontsize=8)
-            for t_ns, text in marks:
-                one.axvline(t_ns / 1e6, color="#222222", lw=0.8, ls="--", label=text)
+            for at_ms, _ in here:
+                one.axvline(at_ms, color="#222222", lw=0.8, ls="--")
     axes[0, 0].set_ylabel("voltage [kV]")
     axes[1, 0].set_ylabel("current [kA]")
-    for t_ns, text in marks:
-        axes[0, 0].annotate(
-            text, (t_ns / 1e6, 1), xycoords=("data", "axes fraction"), size=8, rotation=90, va="top"
-        )
+    phases = [
+        Line2D([], [], color=colour, lw=2, label=f"phase {p}")
+        for p, colour in zip("ABC", COLOURS, strict=True)
+    ]
+    shown.legend(handles=phases, loc="outside upper right", ncols=3, fontsize=9, frameon=False)
     return shown
+
+
+def _label(axes: Axes, marks: Sequence[tuple[float, str]], span: tuple[float, float]) -> int:
+    """Texts above the axes, each at its line, in as many rows as keep them apart; how many rows."""
+    wide = (span[1] - span[0]) * 0.017  # of a letter: a column is some 60 wide
+    ends: list[float] = []
+    for at_ms, text in sorted(marks):
+        left = at_ms > span[0] + 0.7 * (span[1] - span[0])  # near the right end it stands before its line
+        begin = at_ms - wide * len(text) if left else at_ms
+        level = next((k for k, end in enumerate(ends) if begin > end), len(ends))
+        ends[level : level + 1] = [begin + wide * (len(text) + 1)]
+        where = {"textcoords": "offset points", "ha": "right" if left else "left", "va": "bottom"}
+        place = (at_ms, 1.0), ("data", "axes fraction"), (0, 2 + LABEL_POINTS * level)
+        axes.annotate(
+            text, place[0], xycoords=place[1], xytext=place[2], size=8, annotation_clip=False, **where
+        )
+    return len(ends)
 
 
 def log_frame(log: Log, relay: str | None, from_ns: int | None, to_ns: int | None) -> Any:

@@ -53,7 +53,7 @@ def _write(logs: Sequence[Log], writer: LogWriter, start_ns: int) -> None:
     """Stretch by stretch, so that no more of them is in memory."""
     added: set[str] = set()
     for log in logs:
-        for relay in log.relays:
+        for relay in _sampled(log):
             if relay not in added:
                 writer.add_relay(relay, _bare_bits(log, relay), log.characteristics(relay))
                 added.add(relay)
@@ -78,7 +78,7 @@ def _write_stretch(logs: Sequence[Log], writer: LogWriter, start_ns: int, span: 
             since = within[0] if span[0] else None
             for t_ns, *entry in log.array(topic, since, within[1]).tolist():
                 rare.append((t_ns + shift, topic, message.name, dict(zip(names, entry, strict=True))))
-        for relay in log.relays:
+        for relay in _sampled(log):
             columns = _columns(log, relay, shift, within)
             if len(columns[0]):
                 rows.setdefault(relay, []).append(columns)
@@ -94,6 +94,12 @@ def _write_stretch(logs: Sequence[Log], writer: LogWriter, start_ns: int, span: 
             t_ns, topic, name, fields = rare[k]
             writer.message(topic, max(t_ns, 0), name, **fields)
             k += 1
+
+
+def _sampled(log: Log) -> list[str]:
+    """The relays whose samples and estimates a log has; of another it may have events alone."""
+    kinds = BLOCK_SHAPES.keys()
+    return [relay for relay in log.relays if all(kind.topic_for(relay) in log.topics for kind in kinds)]
 
 
 def _bare_bits(log: Log, relay: str) -> list[str]:

@@ -135,7 +135,7 @@ class Result:
         """Voltages and currents of a relay, or of all side by side, with fault and trips: a Figure."""
         names = [place.name for place in self.scenario.relay] if relay is None else [relay]
         marks = [(change.t_ns, "fault") for change in self.faults if change.on]
-        marks += [(trip.t_ns, f"{trip.relay} {trip.function}") for trip in self.trips]
+        marks += [(trip.t_ns, f"{trip.relay} {trip.function}") for trip in self.trips if trip.relay in names]
         return notebook.figure({name: self.samples(name) for name in names}, marks)
 
     def to_pandas(self, relay: str | None = None) -> Any:

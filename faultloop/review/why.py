@@ -29,6 +29,7 @@ from faultloop.review import why_stages
 from faultloop.review.facts import Summary, Told, TripFacts
 from faultloop.review.retrace import Retraced, retrace
 from faultloop.review.survey import survey
+from faultloop.review.why_schemes import SCHEMES, judge_scheme, sequence
 from faultloop.review.why_stages import Cause
 from faultloop.review.why_zone import Zone, judge_zone
 
@@ -89,11 +90,12 @@ def why(log: Log, summary: Summary, relay: str | None = None, function: str | No
 def _of_relay(log: Log, summary: Summary, name: str, wanted: str | None) -> list[Reason]:
     known, trips = retrace(log, name), summary.relays[name].trips
     tripped = {trip.function: [one for one in trips if one.function == trip.function] for trip in trips}
-    those = [one for one in known.instances if one.function.name in STARTING or one.name in tripped]
+    asked = (*STARTING, *SCHEMES)
+    those = [one for one in known.instances if one.function.name in asked or one.name in tripped]
     if wanted is not None:
         names = [one.name for one in those]
         if wanted not in names:
-            what = f"relay '{name}' has no function '{wanted}' that starts; {nearest(wanted, names)}"
+            what = f"relay '{name}' has no function '{wanted}' to tell of; {nearest(wanted, names)}"
             raise InputError(what, key="--function")
         those = [one for one in those if one.name == wanted]
     found = [
@@ -101,6 +103,10 @@ def _of_relay(log: Log, summary: Summary, name: str, wanted: str | None) -> list
         for one in those
         for reason in _reasons(log, summary, known, one, name, tripped.get(one.name, []))
     ]
+    if wanted is not None and not found:
+        end_ns = summary.relays[name].last_ns or 0
+        text = f"{wanted}: it did not start, and nothing asked it to"
+        return [Reason(name, wanted, "", end_ns, False, None, None, "quiet", text)]
     found.sort(key=lambda pair: (pair[1], 0 if pair[1] else pair[0].t_ns))
     return [reason for reason, _ in found]
 
@@ -116,11 +122,21 @@ def _reasons(
     rows = window(summary, known, name)
     facts = why_stages.Facts(log, one, known, zero, rows, _span(summary, name), started)
     for k, trip in enumerate(trips):
+        before = trip.decided_ns < zero  # as in a swing: its own start and operate are before it, too
+        on = [spans.get(f"{one.name}.{bit}", []) for bit in ("Op", "Str")] if before else [operated, started]
         # by an element that has a bit of its own, as PDIF1.NgOp, where none of these is on
-        at_ns = next((on for on, _ in reversed(operated) if on <= trip.decided_ns), trip.decided_ns)
-        begun = next((on for on, _ in reversed(started) if on <= at_ns), at_ns)
-        later = facts if k == 0 else replace(facts, span_ns=(begun, at_ns))
-        yield _operated(name, later, at_ns, trip)
+        at_ns = next((on for on, _ in reversed(on[0]) if on <= trip.decided_ns), trip.decided_ns)
+        begun = next((on for on, _ in reversed(on[1]) if on <= at_ns), at_ns)
+        own = replace(facts, span_ns=(begun, at_ns), started=on[1])
+        yield _operated(name, facts if k == 0 and not before else own, at_ns, trip)
+    if one.function.name in SCHEMES and (one.function.name != "PSCH" or not (trips or operated)):
+        found = judge_scheme(facts, [event for event in summary.events if event.source == name])
+        if found is not None:
+            verdict, at_ns = found
+            end_ns = at_ns if at_ns is not None else facts.span_ns[1]
+            text = f"{one.name}: {verdict.text}"
+            yield Reason(name, one.name, "", end_ns, at_ns is not None, None, None, verdict.cause, text)
+        return
     if trips:
         return
     if operated:
@@ -154,12 +170,17 @@ def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | 
         m = why_stages.middle(known.zones["m"][row, one.number, of]) if of else None
         polarized = POLARIZED[int(place["characteristic"])]
         how = "" if m is None else f" {hyphened(loop)} {m:.2f} of reach, polarized by {polarized};"
+    elif one.function.name == "PSCH":
+        how = f" {sequence(facts)};"
     elif (measured := why_stages.measured(facts)) is not None:
         m, how = measured
         how = f" {how};"
-    text = f"{one.name}:{how} started {ms(start, zero)}"
     waited = (at_ns - start) / 1e6
-    text += f", operated {ms(at_ns, zero)}" + (f" after {waited:.1f} ms" if waited > 0 else ", at once")
+    if facts.started:
+        text = f"{one.name}:{how} started {ms(start, zero)}, operated {ms(at_ns, zero)}"
+        text += f" after {waited:.1f} ms" if waited > 0 else ", at once"
+    else:
+        text = f"{one.name}:{how} operated {ms(at_ns, zero)}"
     if trip is None:
         text += "; the trip was another's" if facts.trips else "; its operate trips nothing"
     else:
@@ -169,16 +190,56 @@ def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | 
 
 
 def window(summary: Summary, known: Retraced, name: str) -> NDArray[np.int64]:
-    """Rows of what is to be explained: from the inception to the own first pole's opening (where that cleared
-    the fault), else as long as there is something; without a fault all of them."""
+    """Rows of what is to be explained: from the inception to the fault's end, else as long as there is
+    something; without a fault all of them."""
     zero = summary.inception.t_ns
     if zero is None:
         return np.arange(len(known.t_ns))
-    end = summary.relays[name].cleared_ns
+    end = fault_end_ns(summary, name)
     inside = (known.t_ns >= zero) & (known.t_ns < (np.iinfo(np.int64).max if end is None else end))
     rows = np.flatnonzero(inside)
     later = np.flatnonzero(known.t_ns >= zero)
     return rows if len(rows) else later
+
+
+def fault_end_ns(summary: Summary, name: str) -> int | None:
+    """When a relay no longer saw the fault; None where it did to the log's end.
+
+    Its own breaker's first pole opened, of those that all did; of a relay that tripped nothing, all that
+    others tripped were open.  Behind a breaker that failed, and from far away, the fault is seen for longer
+    than until the first pole opens somewhere.  Of a record, which has neither breaker nor fault: its elements
+    had reset.
+    """
+    own, zero = summary.relays[name], summary.inception.zero_ns
+    trips = [trip for trip in own.trips if trip.decided_ns >= zero]
+    times = [fault.off_ns for fault in summary.faults]
+    ends = [] if not times or None in times else [max(t for t in times if t is not None)]
+    if trips:
+        # by the first trip that its breaker followed whole; else by what opened after the last
+        whole = [min(trip.poles_opened_ns.values()) for trip in trips if trip.opened_ns is not None]
+        last = trips[-1].decided_ns
+        beside = [t for t in _openings(summary) if t > last]
+        ends += whole[:1] or beside[-1:]
+    else:
+        others = [
+            next((t for t in one.trips if t.decided_ns >= zero), None) for one in summary.relays.values()
+        ]
+        opened = [trip.opened_ns for trip in others if trip is not None]
+        ends += [max(t for t in opened if t is not None)] if opened and None not in opened else []
+    if not ends and summary.inception.source != "plant":
+        resets = [
+            e.last_off_ns for e in own.elements if e.name.endswith(".Str") and _after(e.last_off_ns, zero)
+        ]
+        ends += [] if not resets or None in resets else [max(t for t in resets if t is not None)]
+    return min((t for t in ends if t > zero), default=None)
+
+
+def _after(t_ns: int | None, zero: int) -> bool:
+    return t_ns is None or t_ns > zero
+
+
+def _openings(summary: Summary) -> list[int]:
+    return sorted(o.t_ns for breaker in summary.breakers.values() for o in breaker.operations if o.opened)
 
 
 def _span(summary: Summary, name: str) -> tuple[int, int]:
@@ -186,7 +247,7 @@ def _span(summary: Summary, name: str) -> tuple[int, int]:
     own = summary.relays[name]
     first, last = own.first_ns or 0, (own.last_ns or 0) + 1
     start = first if summary.inception.t_ns is None else summary.inception.t_ns
-    return start, min(last, own.cleared_ns or last)
+    return start, min(last, fault_end_ns(summary, name) or last)
 
 
 def truth(summary: Summary) -> str | None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.io.mcap_reader import Log
-from faultloop.relay.functions import overcurrent, ptuv
+from faultloop.relay.functions import overcurrent, ptoc, ptuv
 from faultloop.relay.layout import Instance
 from faultloop.review.retrace import Retraced
 from faultloop.review.rows import Span, relay_rows
@@ -29,16 +30,22 @@ Cause = Literal[
     "blocked",
     "pickup",
     "restraint",
+    "no-signal",
+    "no-start",
     "quiet",
 ]
 CURRENTS, VOLTAGES, FREQUENCIES = ("PIOC", "PTOC"), ("PTUV", "PTOV"), ("PTUF", "PTOF")
-OF_CURRENT = {overcurrent.PHASE: "phases", overcurrent.RESIDUAL: "residual", overcurrent.NEGATIVE: "negative"}
+OF_CURRENT = {
+    overcurrent.PHASE: ("phases", "I"),
+    overcurrent.RESIDUAL: ("residual", "3I0"),
+    overcurrent.NEGATIVE: ("negative", "I2"),
+}
 OF_VOLTAGE = {
-    ptuv.PHASE: "phases",
-    ptuv.PHASE_PHASE: "pairs",
-    ptuv.POSITIVE_SEQUENCE: "positive",
-    ptuv.RESIDUAL: "residual",
-    ptuv.NEGATIVE_SEQUENCE: "negative",
+    ptuv.PHASE: ("phases", "V"),
+    ptuv.PHASE_PHASE: ("pairs", "V"),
+    ptuv.POSITIVE_SEQUENCE: ("positive", "V1"),
+    ptuv.RESIDUAL: ("residual", "3V0"),
+    ptuv.NEGATIVE_SEQUENCE: ("negative", "V2"),
 }
 _TURN = np.exp(2j * np.pi / 3 * np.arange(3))
 
@@ -105,6 +112,8 @@ def measured(facts: Facts) -> tuple[float, str] | None:
     name, c = facts.one.function.name, facts.constants
     if name == "PDIF":
         return _differential(facts)
+    if name == "PFRC":
+        return _rate(facts)
     if name not in (*CURRENTS, *VOLTAGES, *FREQUENCIES):
         return None
     rows = relay_rows(facts.log, facts.known.name, *facts.span_ns)
@@ -117,16 +126,38 @@ def measured(facts: Facts) -> tuple[float, str] | None:
         found = float(f.min() if name == "PTUF" else f.max())
         return found / float(c["start"]), f"{found:.2f} Hz, set to {float(c['start']):.2f} Hz"
     if name in CURRENTS:
-        limit, unit = float(c["pickup"]), "A"
-        size = _sizes(rows.phasors[:, 3:], OF_CURRENT[int(c["quantity"])]).max(axis=1)
-        found = float(np.nanmax(size)) / limit
+        (what, called), limit, of, unit = OF_CURRENT[int(c["quantity"])], float(c["pickup"]), "pickup", "A"
+        found = float(np.nanmax(_sizes(rows.phasors[:, 3:], what).max(axis=1)))
     else:
-        limit, unit = float(c["start"]), "V"
-        y = _sizes(rows.phasors[:, :3], OF_VOLTAGE[int(c["quantity"])])
+        (what, called), limit, of, unit = OF_VOLTAGE[int(c["quantity"])], float(c["start"]), "start", "V"
+        y = _sizes(rows.phasors[:, :3], what)
         low = name == "PTUV"
         size = y.max(axis=1) if bool(c["all"]) == low else y.min(axis=1)
-        found = float(np.nanmin(size) if low else np.nanmax(size)) / limit
-    return found, f"{found:.2f} of its {'start' if unit == 'V' else 'pickup'}, {limit:.4g} {unit}"
+        found = float(np.nanmin(size) if low else np.nanmax(size))
+    part = found / limit
+    return part, f"{called} {amount(found, unit)}, {part:.2f} of its {of}, {amount(limit, unit)}"
+
+
+def amount(value: float, unit: str) -> str:
+    """``86.3 V``, ``3.26 kA``, ``110 kV``."""
+    return f"{value / 1e3:.4g} k{unit}" if value >= 1e3 else f"{value:.4g} {unit}"
+
+
+def _rate(facts: Facts) -> tuple[float, str] | None:
+    """The greatest rate over the stage's window, to its side."""
+    c, (first_ns, end_ns) = facts.constants, facts.span_ns
+    apart_s = float(c["window"]) * float(c["every"]) / facts.known.settings.relay.sampling_hz
+    end_ns = max([end_ns, *(off for _, off in facts.started if off is not None)])
+    rows = relay_rows(facts.log, facts.known.name, first_ns - round(apart_s * 1e9), end_ns)
+    known = np.isfinite(rows.frequency)
+    t, hz = (rows.t_ns[known] - first_ns) / 1e9, rows.frequency[known]
+    later = t >= (t[0] + apart_s if len(t) else 0.0)
+    if not later.any():
+        return None
+    rates = (hz[later] - np.interp(t[later] - apart_s, t, hz)) / apart_s
+    found = float((np.abs(rates) if c["side"] == 0 else float(c["side"]) * rates).max())
+    limit = float(c["start"])
+    return found / limit, f"{found:.2f} Hz/s, set to {limit:.2f} Hz/s"
 
 
 def _differential(facts: Facts) -> tuple[float, str] | None:
@@ -140,6 +171,21 @@ def _differential(facts: Facts) -> tuple[float, str] | None:
     pickup = float(facts.constants["rule"][0]["pickup"])
     size = f"the ends' currents add up to {total:.4g} A in phase {'ABC'[phase]}, half their sizes to"
     return total / pickup, f"{size} {bias:.4g} A, pickup {pickup:.4g} A"
+
+
+def _time(facts: Facts, m: float | None) -> str:
+    """How long it takes: of an inverse curve at the greatest current; empty where it has none."""
+    c, names = facts.constants, facts.constants.dtype.names or ()
+    if facts.one.function.name == "PTOC":
+        stage = SimpleNamespace(
+            **{name: c[name].item() for name in ("kind", "k", "a", "c", "multiplier", "flat")}
+        )
+        seconds = ptoc.operating_time.py_func(stage, m) if m is not None and m > 1 else None
+        at = "" if stage.kind == ptoc.DEFINITE else " at this current"
+        return "" if seconds is None else f", {seconds * 1e3:.0f} ms{at},"
+    if "delay" not in names:
+        return ""
+    return f", {float(c['delay']) * 1e3 / facts.known.settings.relay.sampling_hz:.0f} ms,"
 
 
 def _sizes(x: NDArray[np.complex128], what: str) -> NDArray[np.float64]:
@@ -163,7 +209,7 @@ def judge(facts: Facts) -> Verdict | None:
     if facts.started:
         on, off = facts.started[-1]
         lasted = "still started at the end" if off is None else f"reset after {(off - on) / 1e6:.1f} ms"
-        return Verdict("timer", m, f"{where}started, {lasted}, before its time had run")
+        return Verdict("timer", m, f"{where}started, {lasted}, before its time{_time(facts, m)} had run")
     if facts.one.function.name == "PDIF" and found is None:
         return Verdict("blocked", None, "blocked: the currents of all ends were not there at the same time")
     if found is None or m is None:

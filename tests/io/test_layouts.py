@@ -147,7 +147,25 @@ def test_a_notebook_shows_a_log(log: Log) -> None:
     assert "<td>PDIS1</td>" in shown and "PTRC1 Tr poles ABC" in shown
     figure = log.plot()
     assert [axes.get_ylabel() for axes in figure.axes] == ["voltage [kV]", "current [kA]"]
-    assert len(figure.axes[0].lines) == 3 + 1  # and the trip
+    assert len(figure.axes[0].lines) == 3 + 2  # and fault and trip
+
+
+def test_a_notebooks_texts_are_apart_and_above_the_waves(log: Log) -> None:
+    """Fault and trips a few ms apart, and one at the end; of two relays each has its own alone."""
+    rows = log.samples("R1")
+    end_ns = int(rows["t_ns"][-1])
+    near = [(200_000_000, "fault"), (203_000_000, "R1 PDIS1"), (205_000_000, "R1 PDIS2")]
+    marks = [*near, (206_000_000, "R2 PDIS1"), (end_ns, "R1 PTOC1")]
+    figure = notebook.figure({"R1": rows, "R2": rows}, marks)
+    figure.draw_without_rendering()
+    first, second = figure.axes[:2]
+    assert [text.get_text() for text in first.texts] == ["fault", "PDIS1", "PDIS2", "PTOC1"]
+    assert [text.get_text() for text in second.texts] == ["fault", "PDIS1"]
+    boxes = [text.get_window_extent() for text in first.texts]
+    whole = first.get_window_extent()
+    for n, box in enumerate(boxes):
+        assert box.y0 >= whole.y1 and box.x1 < whole.x1 + 5
+        assert not any(box.overlaps(other) for other in boxes[:n])
 
 
 def test_a_log_as_a_data_frame(log: Log) -> None:

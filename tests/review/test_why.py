@@ -85,7 +85,7 @@ def test_the_command_prints_each_function_and_what_it_knew_at_an_instant(
         (["--relay", "R2"], "--relay: there is no relay 'R2'; did you mean 'R1'?"),
         (
             ["--function", "PDIS7"],
-            "--function: relay 'R1' has no function 'PDIS7' that starts; did you mean 'PDIS2'?",
+            "--function: relay 'R1' has no function 'PDIS7' to tell of; did you mean 'PDIS2'?",
         ),
         (
             ["--at", "60", "--function", "PDIS7"],

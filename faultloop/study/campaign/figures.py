@@ -45,12 +45,18 @@ def diagrams(results: Results, over: tuple[str, str] | None = None) -> list[Diag
 def times_by_position(results: Results, relay: str) -> Diagram | None:
     """Operate time against the fault's position, a line per source impedance ratio where it was varied."""
     key = results.first_key(".at_pu", ".at_km")
-    times = results.operate_ms(relay)
+    # a place on another line is none on this one; where the relay's has no fault, of all
+    there = results.on_line(relay)
+    there = there if there.any() else ~there
+    times = np.where(there, results.operate_ms(relay), np.nan)
     if key is None or not np.isfinite(times).any():
         return None
-    x = results.numbers(key)
+    x, where = results.numbers(key), "" if there.all() else " with the fault on its line"
     curves = []
     for name, colour, own in _by_ratio(results):
+        own = own & there
+        if not own.any():
+            continue
         centres, middle, worst = _middle(x[own], times[own])
         curves.append(Curve(name, centres, middle, colour=colour, group=name))
         slowest = Curve(
@@ -64,8 +70,8 @@ def times_by_position(results: Results, relay: str) -> Diagram | None:
         curves,
         _limits(results, relay, "y"),
         y_range=(0, None),
-        note=f"{COUNTED} Line: the median, of all cases; it ends where less than half of them were tripped."
-        " Dotted: the slowest trip.",
+        note=f"{COUNTED} Line: the median, of all cases{where};"
+        " it ends where less than half of them were tripped. Dotted: the slowest trip.",
     )
 
 
@@ -154,7 +160,10 @@ def _zones(results: Results, relay: str) -> list[Curve]:
             if len(polygon):
                 x, y, told = polygon[:, 0], polygon[:, 1], f"{instance.name}{name}"
                 curves.append(Curve(told, x, y, "smooth", ZONE, in_legend=False, group="zones"))
-    entry = Curve("zones", [np.nan], [np.nan], "smooth", ZONE, group="zones")
+    varied = any(key.startswith(f"relay.{relay}.") for key in results.keys)
+    entry = Curve(
+        "zones of the first case" if varied else "zones", [np.nan], [np.nan], "smooth", ZONE, group="zones"
+    )
     return [entry, *curves] if curves else []
 
 

@@ -125,13 +125,13 @@ class Results:
         return sorted({float(limit) for limit in own if limit is not None})
 
     def shot_ohm(self, relay: str) -> NDArray[np.complex128] | None:
-        """Where the fault's loop would be without infeed [ohm, primary]; None where its place is not on the
-        relay's line."""
+        """Where the fault's loop would be without infeed [ohm, primary]; NaN in a case whose fault is not on
+        the relay's line, None where none is."""
         place = next(place for place in self.scenario.relay if place.name == relay)
-        faults = self.scenario.fault
-        if not faults or faults[0].line != place.line:
+        own = self.on_line(relay)
+        if not own.any():
             return None
-        fault, settings = faults[0], self.settings[relay]
+        fault, settings = self.scenario.fault[0], self.settings[relay]
         line = next(line for line in self.scenario.line if line.name == place.line)
         x = self._fault_numbers(fault, "at_pu")
         if fault.at_pu is None:
@@ -142,7 +142,16 @@ class Results:
         # A ground loop divides by Ia + k0 3I0 = (1 + k0) Ia; between two phases half the sum of both remains.
         single = self._is_single(fault)
         shot = x * settings.z1_ohm + np.where(single, (phase + ground) / (1 + k0), phase)
-        return shot.astype(np.complex128)
+        return np.where(own, shot, np.nan).astype(np.complex128)
+
+    def on_line(self, relay: str) -> Mask:
+        """The cases whose first fault is on the relay's line."""
+        place = next(place for place in self.scenario.relay if place.name == relay)
+        if not self.scenario.fault:
+            return np.zeros(len(self), bool)
+        fault = self.scenario.fault[0]
+        key = self._fault_key(fault, "line")
+        return np.full(len(self), fault.line == place.line) if key is None else self.are(key, str(place.line))
 
     def _is_single(self, fault: Any) -> Mask:
         key = self._fault_key(fault, "type")

@@ -100,6 +100,27 @@ def test_shots_are_where_the_impedance_is(results: Results) -> None:
     assert np.array_equal(cases["wrong"], [16, 17, 18, 19])
 
 
+def test_a_fault_on_another_line_is_not_drawn_on_this_one(folder: Path, tables: Tables) -> None:
+    """Of RA, on AB, no shot and no time of faults on CD; zones that vary are the first case's."""
+    scenario = (folder / "base.toml").read_text(encoding="utf-8")
+    line = scenario[scenario.index("[[line]]") : scenario.index("[[breaker]]")]
+    (folder / "base.toml").write_text(f"{scenario}\n{line.replace('AB', 'CD')}", encoding="utf-8")
+    tables["vary"] += [
+        {"key": "fault.F1.line", "values": ["AB", "CD"]},
+        {"key": "relay.RA.pdis.1.reach_pu", "values": [0.8, 0.9]},
+    ]
+    tables["judge"] = [{"relay": "RA", "where": "inside", "trip": True}]
+    results = Results(by_hand(folder, tables, "lines.parquet"))
+    own = results.are("fault.F1.line", "AB")
+    place, diagram = results.shot_ohm("RA"), shots(results, "RA")
+    assert place is not None and diagram is not None and own.sum() * 2 == len(own)
+    assert np.array_equal(np.isfinite(place.real), own)
+    assert sum(np.size(curve.x) for curve in diagram.curves if curve.kind == "points") == own.sum()
+    assert "zones of the first case" in {curve.name for curve in diagram.curves}
+    times = times_by_position(results, "RA")
+    assert times is not None and times.note is not None and "with the fault on its line" in times.note
+
+
 def test_map_of_wrong_answers(results: Results) -> None:
     diagram = wrong_answers(results, None)
     assert diagram is not None and diagram.surface is not None
