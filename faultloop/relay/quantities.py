@@ -131,7 +131,8 @@ QUANTITIES = np.dtype(
         ),  # snapshots in a row of closed poles with neither voltage nor current, not loaded before
         ("missing", "i8"),  # mask of phases whose current is missing
         ("vanished", "i8"),  # all three have gone at one moment
-        ("without", "i8", (6,)),  # samples in a row of which there is no value
+        ("without", "i8", (6,)),  # samples in a row of which there is no value; below 0: since a gap
+        ("bridged", "i8"),  # mask of phases whose voltage was proven before one
         # the memory, and what is new against it
         ("memory", MEMORY),
         ("sound", "i8"),  # nothing looks like a fault; judged only while the memory is not ready

@@ -51,3 +51,24 @@ def test_a_few_lost_samples_in_a_fault_block_nothing(first: int) -> None:
     trips, _ = run(relay(network), x)
     assert trips[0][1].loop == "CA"
     assert trips[0][0] - whole[0][0] < 48
+
+
+@pytest.mark.parametrize("first", [0, 3])
+@pytest.mark.parametrize(("lost", "trips_at"), [(15, "inside"), (60, "inside"), (150, "nowhere")])
+def test_a_gap_in_a_load_change_and_then_a_fault(first: int, lost: int, trips_at: str) -> None:
+    """A voltage is proven in quiet, and the disturbance goes on from the load change to the fault: before, no
+    zone started for a gap of more than an eighth of a cycle of the voltages.  After one of more than a cycle
+    nothing of before holds."""
+    network = Network(angle_deg=-8.0)
+    load, moved = network.solve(), Network(angle_deg=-20.0)
+    start, begins = round(4800 * 0.35), round(4800 * 0.30)
+    for kind, at in (("AG", 0.6), ("BC", 0.3), ("AG", -1.0), ("BCG", 1.0)):
+        stages = [(0.0, load), (0.30, moved.solve()), (0.35, moved.solve(kind, at))]
+        x = network.samples(stages, 0.6)
+        x[begins + 24 : begins + 24 + lost, first : first + 3] = np.nan
+        trips, _ = run(relay(network), x)
+        if 0.0 < at < 0.8 and (trips_at == "inside" or first):
+            assert [trip.zone for _, trip in trips[:1]] == [1], (kind, at)
+            assert trips[0][0] - start < 4800 * 0.04
+        elif not 0.0 < at < 0.8:
+            assert not trips, (kind, at)
