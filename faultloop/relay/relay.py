@@ -240,8 +240,6 @@ class Relay:
         """Raises InputError where a function of the user's has failed."""
         for element in self._elements:
             if (error := element.error) is not None:  # whatever a user's function raises
-                if isinstance(error, KeyboardInterrupt):
-                    raise error
                 what = f"failed near sample {self.sample_count}: {type(error).__name__}: {error}"
                 key = f"element[{element.name}].function"
                 raise InputError(what, file=self.settings.path, key=key) from error

@@ -84,6 +84,8 @@ class UserElement:
     def error(self) -> BaseException | None:
         """What its code has raised; of a compiled one numba does not say what."""
         if isinstance(self.entry, PythonEntry):
+            if isinstance(self.entry.error, KeyboardInterrupt):
+                raise self.entry.error
             return self.entry.error
         return RuntimeError("its compiled code raises") if self.constants["failed"][0] else None
 
