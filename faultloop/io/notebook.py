@@ -91,7 +91,11 @@ def _label(axes: Axes, marks: Sequence[tuple[float, str]], span: tuple[float, fl
         begin = at_ms - wide * len(text) if left else at_ms
         level = next((k for k, end in enumerate(ends) if begin > end), len(ends))
         ends[level : level + 1] = [begin + wide * (len(text) + 1)]
-        where = {"textcoords": "offset points", "ha": "right" if left else "left", "va": "bottom"}
+        where: dict[str, Any] = {
+            "textcoords": "offset points",
+            "ha": "right" if left else "left",
+            "va": "bottom",
+        }
         place = (at_ms, 1.0), ("data", "axes fraction"), (0, 2 + LABEL_POINTS * level)
         axes.annotate(
             text, place[0], xycoords=place[1], xytext=place[2], size=8, annotation_clip=False, **where

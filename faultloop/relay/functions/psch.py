@@ -42,7 +42,7 @@ from faultloop.errors import InputError
 from faultloop.jit import njit
 from faultloop.relay.events import Event, Names
 from faultloop.relay.functions.function import Function
-from faultloop.relay.memory import size2
+from faultloop.relay.memory import is_unbalanced, positive_sequence, size2
 from faultloop.relay.quantities import Record, indicate, publish, request_trip
 
 if TYPE_CHECKING:
@@ -58,6 +58,8 @@ UNEXPECTED_MS = 200.0
 """So long a signal may be received while nothing starts here."""
 BLIND_MS = 100.0
 """So long an input is missing before an end is blind: what goes with the fault may be the fault's."""
+SOUND = 0.95
+"""Of the voltage before: with more of it what is balanced is no fault."""
 Zone = Annotated[int, Field(ge=1)]
 
 
@@ -71,7 +73,7 @@ class Psch(Table):
     send_zone: Zone = 1
     """Underreaching, forward: whose start is sent in putt and dutt."""
     pilot: Literal["zone", "direction"] = "zone"
-    """"direction": any fault ahead, in place of `pilot_zone`."""
+    """"direction": any fault ahead, while it is there, in place of `pilot_zone`."""
     pole_bits: bool = True
     """The signal says which poles; without it, all whatever the fault, and trips are three-pole."""
     coincidence_ms: Milliseconds = 4.0
@@ -256,11 +258,24 @@ def watch_channel(q: Record, c: Record, w: Record, rx: int, seen: bool) -> None:
 
 
 @njit
+def is_there(g: Record, q: Record) -> bool:
+    """Whether there is a fault still: a zone could measure what it has changed of a phase's current, and it
+    is unbalanced or has taken of the voltage.  One that is gone leaves a change behind, a load that another
+    line had, and with it the direction until that has stood still."""
+    least, before = g.minimum_current**2, q.memory.reference
+    if size2(q.d[3]) < least and size2(q.d[4]) < least and size2(q.d[5]) < least:
+        return False
+    if is_unbalanced(g, q.x, before):
+        return True
+    return size2(q.sequence[1]) < SOUND**2 * size2(positive_sequence(before))
+
+
+@njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample; after the zones, and before the trip logic."""
     known = q.disturbed != 0 and q.fed != 0
     behind = (q.zones & c.reverse) != 0 or (known and q.direction < 0)
-    ahead = known and q.direction > 0 if c.by_direction else (q.zones & c.pilot) != 0
+    ahead = known and is_there(g, q) and q.direction > 0 if c.by_direction else (q.zones & c.pilot) != 0
     under = (q.zones & c.send) != 0
     blocked = guard(q, c, w, behind)
     own = poles_of(q.fault) if c.pole_bits else 7
