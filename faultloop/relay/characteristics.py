@@ -94,7 +94,7 @@ def fault_currents(g: Record, q: Record, loop: int, i: complex) -> tuple[complex
         if size2(i2) < g.minimum_unbalance**2 * size2(i1):
             return 3 * i0, 1.5 * i0
         return negative, 1.5 * (negative + i0)
-    if q.memory.age <= q.memory.lasts and not q.slides:
+    if q.memory.age <= g.memory and not q.slides:
         change = q.d[3 + FIRST[loop]] - q.d[3 + SECOND[loop]]
         return change, change
     if q.fault != 7:
@@ -123,7 +123,7 @@ def quad_measures(
 def quad_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
     """m of a quadrilateral zone, or the part of its resistive reach, whichever is nearer to its border."""
     m, r = quad_measures(g, q, c, loop, v, i, c.tilt)
-    if loop >= 3 and q.fault == THREE_PHASE and q.memory.age > q.memory.lasts and c.characteristic != OWN:
+    if loop >= 3 and q.fault == THREE_PHASE and q.memory.age > g.memory and c.characteristic != OWN:
         for tilt in (c.tilt * TURNED, c.tilt * TURNED.conjugate()):
             m = max(m, quad_measures(g, q, c, loop, v, i, tilt)[0])
     beside = abs(r) / (c.resistive_ground if loop < 3 else c.resistive_phase)

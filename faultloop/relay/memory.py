@@ -31,9 +31,6 @@ MEMORY_CYCLES = 2
 
 ANEW = 2
 """Frozen so for one sample, in which there is no disturbance."""
-LASTING = 4
-"""Times as long as the reference stood still before, it goes on in step: what is 0.05 off in half a cycle is
-11 degrees off after two, and the frequency of a line just energised is known no better."""
 JUMP = 3.0
 """Of what moved before, in as much time: more is a new fault."""
 SOUND = 0.8
@@ -46,8 +43,7 @@ MEMORY = np.dtype(
         ("head", "i8"),  # the newest snapshot
         ("tick", "i8"),  # samples since it
         ("seen", "i8"),  # samples since the start
-        ("steady", "i8"),  # snapshots without a disturbance since the voltage began to stand still
-        ("lasts", "i8"),  # samples of the disturbance for which the voltage before polarizes
+        ("steady", "i8"),  # snapshots in a row at which the voltage stood still
         ("ready", "i8"),
         ("moving", "i8"),  # something changed within the last cycle
         ("drift", "f8"),  # size2 of the change of all phasors within the last snapshot
@@ -190,7 +186,6 @@ def snapshot(c: Record, m: Record, x: Phasors, frequency: float) -> None:
     m.moving = differs(c, x, m.work)
     if m.frozen:
         return
-    m.steady += m.ready
     slot = (m.head - c.lag) % c.snapshots
     f = m.ring_frequency[slot]
     if is_frequency(c, f):
@@ -242,10 +237,9 @@ def remember(c: Record, m: Record, x: Phasors, frequency: float, sound: bool) ->
 
 
 @njit
-def freeze(c: Record, m: Record) -> None:
+def freeze(m: Record) -> None:
     """A disturbance: keep the reference from before it."""
     m.frozen = 1
-    m.lasts = min(c.memory, LASTING * m.steady * c.snapshot)
     m.fed = 0
     m.drift = np.inf  # unknown until the next snapshot
     m.age = 0

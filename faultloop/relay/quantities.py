@@ -379,10 +379,10 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     ready &= watch_breaker(g, q)
     energy.accumulate(q.energy, q.sample, q.memory.reference, turn)
     if q.memory.frozen == memory.ANEW:
-        memory.freeze(g, q.memory)
+        memory.freeze(q.memory)
     elif not q.memory.frozen:
         if ready and memory.differs(g, q.x, q.memory.reference):
-            memory.freeze(g, q.memory)
+            memory.freeze(q.memory)
     elif ready and is_idle(q) and memory.begins_anew(g, q.memory, q.x):
         memory.begin_anew(q.memory)
         energy.again(g, q.energy, q.recent, q.memory, turn)

@@ -120,28 +120,3 @@ def test_the_own_breaker_opens_and_the_line_side_voltage_dies(
         for angle in np.radians([0, 45, 105]):
             trips, _ = run(relay(method), opening(depth, angle, ring_hz, tau))
             assert not trips, f"{depth} of the line, {np.degrees(angle):.0f} degrees: {trips}"
-
-
-@pytest.mark.parametrize("hz", [45.5, 47.0, 53.0, 54.5])
-@pytest.mark.parametrize("wait_ms", [40, 50, 60, 80])
-def test_what_has_just_been_energised_polarizes_no_longer_than_it_is_in_step(hz: float, wait_ms: int) -> None:
-    """The line gets its voltage, off nominal frequency, and its load soon after: the frequency is known to
-    half a hertz, and the voltage before would be 50 degrees off within 200 ms."""
-    begins, loads = 0.3, 0.3 + wait_ms / 1000
-    t = np.arange(round((loads + 0.25) * FS)) / FS
-    turn = np.exp(2j * np.pi * hz * t)[:, None] * TURN
-    x = np.hstack(
-        [
-            np.where((t >= begins)[:, None], PEAK * turn, 0.0).real,
-            np.where((t >= loads)[:, None], 1000.0 * np.exp(-0.1j) * turn, 0.0).real,
-        ]
-    )
-    r, angles = relay(), []
-    for n in range(len(x)):
-        r.advance(x[n : n + 1])
-        assert not [event.text for event in r.events if " Str" in event.text]
-        m, v1 = r._state[0]["shared"]["memory"], r._state[0]["shared"]["sequence"][1]
-        if m["frozen"] and t[n] > loads and m["age"] <= m["lasts"]:
-            angles.append(abs(np.degrees(np.angle(m["reference"][:3] @ TURN.conj() * np.conj(v1)))))
-    assert len(angles) > 0.02 * FS  # it does polarize: a fault without a voltage has a direction
-    assert max(angles) < 25

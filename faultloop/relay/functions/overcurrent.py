@@ -151,7 +151,7 @@ def polarizing_voltage(g: Record, q: Record, c: Record, k: int) -> complex:
         v = q.sequence[2]
     else:
         v = q.x[(k + 1) % 3] - q.x[(k + 2) % 3]
-        if size2(v) < least2 and q.disturbed and q.memory.age <= q.memory.lasts:
+        if size2(v) < least2 and q.disturbed and q.memory.age <= g.memory:
             v = q.memory.reference[(k + 1) % 3] - q.memory.reference[(k + 2) % 3]
     return v if size2(v) >= least2 else complex(0.0, 0.0)
 

@@ -145,7 +145,7 @@ def watch_sides(g: Record, q: Record, w: Record) -> None:
     what rings can look like anything.  Of the memory's reference, and so for as long as it polarizes."""
     still = q.memory.drift < STILL**2 * weight(g, q.d)
     for phase in range(3):
-        now = side(g, q, phase) if q.memory.age <= q.memory.lasts else 0
+        now = side(g, q, phase) if q.memory.age <= g.memory else 0
         w.stood[phase] = w.stood[phase] + still if now == w.side[phase] else 0
         w.side[phase] = now
 

@@ -81,8 +81,7 @@ class Rdir(Table):
     """``[rdir]``: the directional element and the memory that it, the zones and the phase selection share."""
 
     memory_ms: Milliseconds = 200.0
-    """How long the pre-fault voltage polarizes, at most four times as long as it had stood still; it then
-    fades into the present one within 100 ms."""
+    """How long the pre-fault voltage polarizes; it then fades into the present one within 100 ms."""
     minimum_angle_deg: Annotated[float, Field(ge=0, le=45)] = 15.0
     """Forward reaches this far below the resistive axis ..."""
     maximum_angle_deg: Annotated[float, Field(ge=90, le=165)] = 115.0
@@ -151,11 +150,11 @@ def polarizing_voltage(g: Record, q: Record) -> complex:
     remembered = positive_sequence(m.reference)
     if q.swing_fault or q.slides:
         return v1  # the one before has moved
-    if m.age <= m.lasts:
+    if m.age <= g.memory:
         return remembered
-    if m.age >= m.lasts + g.fade:
+    if m.age >= g.memory + g.fade:
         return v1
-    part = (m.age - m.lasts) / g.fade
+    part = (m.age - g.memory) / g.fade
     return (1 - part) * remembered + part * v1
 
 
