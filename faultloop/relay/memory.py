@@ -209,6 +209,8 @@ def establish(c: Record, m: Record, x: Phasors, frequency: float, sound: bool) -
         m.steady = 0
         fill(c, m, x)
     m.ready = m.steady >= c.snapshots // 4
+    if m.ready:  # what stands in the ring is from before it was known
+        m.ring_frequency[:] = m.frequency
 
 
 @njit
