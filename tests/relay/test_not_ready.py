@@ -127,13 +127,12 @@ def test_a_memory_that_becomes_ready_has_one_frequency(hz: float) -> None:
     """Not that of an estimate which had just woken, nor the nominal one: they would pull its own away."""
     t = np.arange(round(0.5 * FS)) / FS
     turn = np.exp(2j * np.pi * hz * t)[:, None] * TURN
-    x = np.hstack([np.where((t >= 0.3)[:, None], PEAK * turn, 0.0).real, np.zeros((len(t), 3))])
+    x = np.hstack([np.real(PEAK * turn) * (t >= 0.3)[:, None], np.zeros((len(t), 3))])
     r = relay()
     memory = r._state[0]["shared"]["memory"]
-    for n in range(len(x)):
-        r.advance(x[n : n + 1])
-        if memory["ready"]:
-            break
-    assert t[n] > 0.3
+    n = 0
+    while not memory["ready"]:
+        n += r.advance(x[n : n + 1])
+    assert t[n - 1] > 0.3
     assert set(memory["ring_frequency"].tolist()) == {float(memory["frequency"])}
     assert abs(memory["frequency"] - hz) < 1.0
