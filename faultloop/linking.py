@@ -186,13 +186,17 @@ class Kernel(Dispatcher):
             raise
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """What numba asks for when it finds out the types of a call."""
-        folded = tuple(self._compiler.fold_argument_types(args, kws)[1])
+        """What numba asks for when it finds out the types of a call.
+
+        A constant is an argument like others: numba would compile a kernel for each it is called with, and the
+        optimiser sees those of what it inlines anyway.
+        """
+        folded = tuple(types.unliteral(kind) for kind in self._compiler.fold_argument_types(args, kws)[1])
         callers = self.typingctx.callstack
         ours = bool(callers and _own) and callers[0].func_id.func is _own[-1]
         if ours and folded not in self.overloads:
-            return self.part.get_call_template(args, kws)
-        return super().get_call_template(args, kws)
+            return self.part.get_call_template(folded, {})
+        return super().get_call_template(folded, {})
 
     def get_overload(self, sig: Any) -> Any:
         """And when it writes the call."""

@@ -143,6 +143,7 @@ QUANTITIES = np.dtype(
         ("second", SECOND),  # a change against the state that the disturbance has settled to
         ("d", "c16", (6,)),  # the change of the phasors, while disturbed
         ("change", "c16", (6,)),  # its sequence components
+        ("work", "c16", (6,)),  # of one calculation
         # published by functions; cleared before each sample where marked *
         ("fault", "i8"),  # PHS: the fault's type
         ("crossed", "i8"),  # PHS: the type is of the fault ahead, and there is another behind

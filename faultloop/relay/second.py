@@ -46,7 +46,7 @@ def forget(s: Record) -> None:
     s.settled = s.active = s.age = 0
 
 
-@njit(heap=True)
+@njit
 def settle(g: Record, q: Record) -> None:
     """At a snapshot: keep the state of a quarter of a cycle ago where nothing has moved since."""
     s, m = q.second, q.memory
@@ -55,12 +55,11 @@ def settle(g: Record, q: Record) -> None:
         return
     slot = (m.head - back) % g.snapshots
     turn = power(m.rotor, g.snapshot * back)
-    before, moved = np.empty(6, np.complex128), np.empty(6, np.complex128)
     for k in range(6):
-        before[k] = turn * m.ring[slot, k]
-        moved[k] = q.x[k] - before[k]
-    if weight(g, moved) < SETTLED**2 * weight(g, q.d):
-        s.reference[:] = before
+        m.work[k] = q.x[k] - turn * m.ring[slot, k]
+    if weight(g, m.work) < SETTLED**2 * weight(g, q.d):
+        for k in range(6):
+            s.reference[k] = turn * m.ring[slot, k]
         if s.active or not s.settled:
             energy.rest(g, s.energy, False)
         s.settled, s.active, s.age = 1, 0, 0

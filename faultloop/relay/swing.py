@@ -137,15 +137,14 @@ def follow(m: Record, t: Record) -> None:
     t.frame *= m.rotor
 
 
-@njit(heap=True)
+@njit
 def is_off(g: Record, q: Record) -> bool:
     """Whether the phasors are not where the swing would be: perhaps a fault, from which nothing is
     learned."""
     m = q.memory
-    apart = np.empty(6, np.complex128)
     for k in range(6):
-        apart[k] = q.x[k] - m.reference[k]
-    return weight(g, apart) > OFF**2 * weight(g, m.reference)
+        m.work[k] = q.x[k] - m.reference[k]
+    return weight(g, m.work) > OFF**2 * weight(g, m.reference)
 
 
 @njit

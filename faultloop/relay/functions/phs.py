@@ -104,14 +104,13 @@ def classify(g: Record, c: Record, d: NDArray, change: NDArray) -> int:
     return 5 if bc >= ca else 6
 
 
-@njit(heap=True)
+@njit
 def classify_without_load(g: Record, q: Record, c: Record) -> int:
     """The type if the load had gone: the currents as they are, the voltages' change."""
-    d = q.d.copy()
-    change = q.change.copy()
-    for k in range(3, 6):
-        d[k] = q.x[k]
-        change[k] = q.sequence[k]
+    d, change = q.memory.work, q.work
+    for k in range(3):
+        d[k], d[3 + k] = q.d[k], q.x[3 + k]
+        change[k], change[3 + k] = q.change[k], q.sequence[3 + k]
     return classify(g, c, d, change)
 
 
@@ -172,7 +171,7 @@ def is_fed(q: Record, phases: int) -> bool:
     return False
 
 
-@njit(heap=True)
+@njit
 def watch_second(g: Record, q: Record, c: Record, w: Record) -> None:
     """Type and side of a second fault, by the change against what the first has settled to.
 
@@ -186,9 +185,8 @@ def watch_second(g: Record, q: Record, c: Record, w: Record) -> None:
         if s.settled:
             w.first, w.first_side = w.fault, q.direction
         return
-    change = np.empty(6, np.complex128)
-    sequences(s.d, change)
-    candidate = classify(g, c, s.d, change)
+    sequences(s.d, q.work)
+    candidate = classify(g, c, s.d, q.work)
     if candidate != w.again:
         w.again = candidate
         w.again_count = 0

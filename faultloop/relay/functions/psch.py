@@ -58,8 +58,8 @@ UNEXPECTED_MS = 200.0
 """So long a signal may be received while nothing starts here."""
 BLIND_MS = 100.0
 """So long an input is missing before an end is blind: what goes with the fault may be the fault's."""
-SOUND = 0.95
-"""Of the voltage before: with more of it what is balanced is no fault."""
+FALLEN = 0.95
+"""Of the voltage before: what is balanced and leaves more of it is no fault."""
 Zone = Annotated[int, Field(ge=1)]
 
 
@@ -267,7 +267,7 @@ def is_there(g: Record, q: Record) -> bool:
         return False
     if is_unbalanced(g, q.x, before):
         return True
-    return size2(q.sequence[1]) < SOUND**2 * size2(positive_sequence(before))
+    return size2(q.sequence[1]) < FALLEN**2 * size2(positive_sequence(before))
 
 
 @njit

@@ -288,3 +288,34 @@ def test_settings_that_cannot_be(table: dict[str, Any], key: str, what: str) -> 
     with pytest.raises(InputError) as error:
         RelaySettings.from_dict(GIVEN | {"pdis": ZONES, "psch": table})
     assert (error.value.key, error.value.what) == (key, what)
+
+
+def unbalanced_by(of_a: float) -> np.ndarray:
+    """Phasors of a load whose voltage A has this part of itself left, its current A so much more."""
+    return np.r_[127e3 * TURN * [of_a, 1, 1], 400 * TURN * [1 + 10 * (1 - of_a), 1, 1]]
+
+
+@pytest.mark.parametrize(
+    ("now", "sends"),
+    [
+        pytest.param(unbalanced_by(0.5), True, id="a fault"),
+        pytest.param(unbalanced_by(1.0) * np.repeat([0.6, 5], 3), True, id="three phases"),
+        pytest.param(unbalanced_by(1.0) * np.repeat([0.97, 3], 3), False, id="the load another line had"),
+        pytest.param(unbalanced_by(1.0) * np.repeat([0.6, 1], 3), False, id="a voltage without a current"),
+        pytest.param(unbalanced_by(1.0), False, id="as before"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["pott", "dcb"])
+def test_a_pilot_by_direction_is_there_as_long_as_its_fault(kind: str, now: Any, sends: bool) -> None:
+    """The direction stays until the change stands still; what the pilot compares does not (IEC 60255-121 has
+    no such test; the reversal of two parallel lines in `suite schemes` is what it comes from)."""
+    end = Scheme(type=kind, pilot="direction")
+    end.rx = 7 if kind == "pott" else 0
+    end.q["received"] = end.q["received_all"] = end.rx
+    end.disturb(unbalanced_by(1.0), now)
+    end.q["direction"], end.q["fault"] = 1, 1
+    for ahead, wanted in ((1, sends), (0, False), (-1, False)):
+        end.q["direction"] = ahead
+        end.step(count=round(150 * MS))  # longer than what a trip sends
+        assert bool(end.trips) == wanted
+        assert bool(end.q["pilot"]) == (wanted and kind == "pott")
