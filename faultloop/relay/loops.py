@@ -53,7 +53,7 @@ A = complex(-0.5, math.sqrt(0.75))
 A2 = A.conjugate()
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def impedance(v: complex, i: complex, minimum2: float, out: Array, place: int) -> None:
     """V / I as (r, x); NaN where |I|^2 is below ``minimum2``."""
     size = i.real * i.real + i.imag * i.imag

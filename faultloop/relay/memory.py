@@ -62,19 +62,19 @@ MEMORY = np.dtype(
 )
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def size2(z: complex) -> float:
     """|z|^2"""
     return z.real * z.real + z.imag * z.imag
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def third(z: complex) -> complex:
     """z / 3, part by part: dividing a complex number by a real one costs three times that."""
     return complex(z.real / 3, z.imag / 3)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def positive_sequence(x: Phasors) -> complex:
     """V1 of six phasors, phase A."""
     return third(x[0] + A * x[1] + A2 * x[2])

@@ -443,13 +443,13 @@ def finish(g: Record, q: Record, words: NDArray[np.uint64]) -> None:
         q.last_operate = q.operate
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def indicate(q: Record, bit: int, on: int) -> None:
     """A bit of pickup that is no start - a direction, a blocking - or several from there on, as a mask."""
     q.pickup |= np.uint64(on) << np.uint64(bit)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def publish(q: Record, bit: int, started: bool, operated: bool) -> None:
     """Start and operate of a protection function."""
     q.started |= 1 if started else 0

@@ -108,7 +108,7 @@ def header(
     return state
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def is_sample(x: float) -> bool:
     return abs(x) < LARGEST  # false for NaN too
 
@@ -124,25 +124,25 @@ def follow_level(state: Array, x: Array) -> None:
         state[LEVEL + group] = level
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def waves(state: Array, c: int) -> float:
     """What a disturbance adds to a voltage's variance for a while; currents carry little of it."""
     return state[WAVES] * state[LEVEL] if c < 3 else 0.0
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def base_variance(state: Array, c: int) -> float:
     """R of channel c without waves: what was learned, not below the floor."""
     return max(state[VARIANCE + c], state[FLOOR] * state[LEVEL + c // 3] + SMALLEST)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def noise_variance(state: Array, c: int) -> float:
     """R of channel c, and what a disturbance adds for a while."""
     return base_variance(state, c) + waves(state, c)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def follow_variance(state: Array, c: int, innovation: float, predicted_variance: float) -> None:
     """Eq. 10, averaged.  ``predicted_variance`` is H P H'."""
     level = state[LEVEL + c // 3]
@@ -153,7 +153,7 @@ def follow_variance(state: Array, c: int, innovation: float, predicted_variance:
     state[VARIANCE + c] = max(0.0, variance + weight * (squared - total))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def compare(state: Array, c: int, innovation: float, predicted_variance: float) -> None:
     """Note e^2 / S of a channel if it is this sample's largest so far."""
     square = innovation * innovation

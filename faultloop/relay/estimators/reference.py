@@ -9,7 +9,7 @@ from faultloop.jit import njit
 PEAK_TO_RMS = math.sqrt(0.5)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def reference(n: int, sampling_hz: float, frequency_hz: float) -> tuple[float, float]:
     """cos and sin of 2 pi f0 n / fs; n f0 is reduced to one turn first: exact for whole f0, no drift."""
     beats = n * frequency_hz

@@ -39,7 +39,7 @@ LEAST_SEQUENCE = 1e-3  # of the greatest phase voltage
 CORRECTED = 0.1
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def positive_sequence(row: Array) -> complex:
     """Of the voltages in a phasor row."""
     re = row[0] + A_RE * (row[2] + row[4]) - A_IM * (row[3] - row[5])
@@ -47,14 +47,14 @@ def positive_sequence(row: Array) -> complex:
     return complex(re / 3.0, im / 3.0)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def turn(after: complex, before: complex) -> float:
     """Angle from one phasor to the next [rad]."""
     z = after * before.conjugate()
     return math.atan2(z.imag, z.real)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def is_measurable(row: Array, v1: complex) -> bool:
     """False for NaN too."""
     phase = max(math.hypot(row[0], row[1]), math.hypot(row[2], row[3]), math.hypot(row[4], row[5]))

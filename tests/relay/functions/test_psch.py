@@ -318,4 +318,4 @@ def test_a_pilot_by_direction_is_there_as_long_as_its_fault(kind: str, now: Any,
         end.q["direction"] = ahead
         end.step(count=round(150 * MS))  # longer than what a trip sends
         assert bool(end.trips) == wanted
-        assert bool(end.q["pilot"]) == (wanted and kind == "pott")
+        assert bool(end.q["pilot"]) == (wanted if kind == "pott" else ahead < 0)  # dcb: behind, it blocks

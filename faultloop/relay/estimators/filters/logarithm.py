@@ -44,6 +44,6 @@ def _logarithm(x: float) -> float:
     return (_float_of(k | WHOLE) - 2.0**52) * math.log(2.0) + 2.0 * (s + s * z * series)
 
 
-_compiled: Any = njit(inline="always")(_logarithm)
+_compiled: Any = njit(forceinline=True)(_logarithm)
 logarithm: Any = math.log if _compiled is _logarithm else _compiled
 """See above; without a compiler `math.log` itself."""

@@ -90,54 +90,54 @@ def model_covariances(state: Array, models: int) -> Array:
     return lists[[[P00, P01, P02], [P01, P11, P12], [P02, P12, P22]]].transpose(2, 0, 1)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def place(models: Models, which: int) -> int:
     """Where list ``which`` begins in the state."""
     return LISTS + which * len(models)
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def lane(state: Array, models: Models, which: int, m: int) -> Triple:
     """Entry ``m`` of three lists that follow each other, one a phase."""
     at = LISTS + which * len(models) + m
     return state[at], state[at + len(models)], state[at + 2 * len(models)]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def put_lane(state: Array, models: Models, which: int, m: int, values: Triple) -> None:
     at = LISTS + which * len(models) + m
     state[at], state[at + len(models)], state[at + 2 * len(models)] = values
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def current(state: Array, models: Models, part: int, m: int) -> Triple:
     """Of model ``m`` the three currents' re (part 0), im (1) or offset (2)."""
     at = LISTS + (STATE + part) * len(models) + m
     return state[at], state[at + 3 * len(models)], state[at + 6 * len(models)]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def put_current(state: Array, models: Models, part: int, m: int, values: Triple) -> None:
     at = LISTS + (STATE + part) * len(models) + m
     state[at], state[at + 3 * len(models)], state[at + 6 * len(models)] = values
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def plus(a: Triple, b: Triple) -> Triple:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def times(a: Triple, b: Triple) -> Triple:
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def scaled(a: Triple, k: float) -> Triple:
     return a[0] * k, a[1] * k, a[2] * k
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def chosen(which: Flags, a: Triple, b: Triple) -> Triple:
     return a[0] if which[0] else b[0], a[1] if which[1] else b[1], a[2] if which[2] else b[2]
 
@@ -289,7 +289,7 @@ def correct_models(state: Array, models: Models, sampled: Flags) -> None:
         put_lane(state, models, EVIDENCE, m, chosen(sampled, evidence, before))
 
 
-@njit(inline="always")
+@njit(forceinline=True)
 def likelihood(evidence: float) -> float:
     """e^x for -60 <= x <= 0: the 1024th power of its series at x / 1024; to 1e-12 above -8, 1e-7 at -60.
 
