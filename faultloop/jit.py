@@ -323,8 +323,8 @@ def njit(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     them: each call that passes a network's hundred arrays counted them up and down, a third of a campaign's
     case.  One that does make an array says ``heap=True``; numba refuses it otherwise.
 
-    ``forceinline`` is the optimiser's; ``inline="always"`` is numba's, on the source, anew at each of 400 calls:
-    a fifth of a first run's 80 s of compilation.  That is for what returns an array.
+    ``forceinline`` is the optimiser's; ``inline="always"`` is numba's, on the source, anew at each of 400
+    calls: a fifth of a first run's 80 s of compilation.  That is for what returns an array.
     """
     options = {"cache": True, "fastmath": False, "error_model": "numpy"} | options
     kept, signature = options.pop("cache"), options.pop("signature_or_function", None)

@@ -188,8 +188,8 @@ class Kernel(Dispatcher):
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What numba asks for when it finds out the types of a call.
 
-        A constant is an argument like others: numba would compile a kernel for each it is called with, and the
-        optimiser sees those of what it inlines anyway.
+        A constant is an argument like others: numba would compile a kernel for each it is called with, and
+        the optimiser sees those of what it inlines anyway.
         """
         folded = tuple(types.unliteral(kind) for kind in self._compiler.fold_argument_types(args, kws)[1])
         callers = self.typingctx.callstack

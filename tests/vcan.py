@@ -16,13 +16,13 @@ needs_vcan = pytest.mark.skipif(
 )
 
 
-def passes_on_vcan(root: Path, file: Path, timeout_s: float, which: str = "not slow") -> None:
-    """Run a file of tests, or those of it with ``which`` marks, by pytest where vcan0 and vcan1 are; fails
-    with its output."""
+def passes_on_vcan(root: Path, file: Path, timeout_s: float, which: str = "not slow", *more: Path) -> None:
+    """Run files of tests, or those with ``which`` marks, by pytest where vcan0 and vcan1 are; fails with its
+    output."""
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_")}
-    pytest_here = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-m", which, "--rootdir", root, file]
+    pytest_here = [sys.executable, "-m", "pytest", "-n", "0", "-q", "-m", which, "--rootdir", root]
     done = subprocess.run(
-        [sys.executable, root / "tests" / "with-vcan", *pytest_here],
+        [sys.executable, root / "tests" / "with-vcan", *pytest_here, file, *more],
         cwd=root,
         env=environment,
         capture_output=True,

@@ -13,6 +13,7 @@ import faultloop
 from faultloop.cli import call
 from faultloop.cli.schema import Kind
 from faultloop.review.facts import Summary
+from faultloop.review.why import CAUSES
 from tests.review.review_logs import write_log
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -267,6 +267,11 @@ def test_recover_tells_what_is_left_out(tmp_path: Path, capsys: Any) -> None:
     assert [line.split(": ", 3)[3] for line in out.err.splitlines()] == told["warnings"]
 
 
+def every_other(pairs: list[tuple[str, Any]]) -> list[Any]:
+    """The second of each two at full size only."""
+    return [pytest.param(*pair, marks=pytest.mark.slow) if n % 2 else pair for n, pair in enumerate(pairs)]
+
+
 PLACE = {"name": 7, "line": 3, "breaker": [1]}
 FAULT = {"name": 7, "line": 5, "at_pu": "x", "at_km": [1], "resistance_ohm": "much"}
 SECONDARY = {"ohms": "secondary", "ct_ratio": "x", "vt_ratio": 0}
@@ -290,7 +295,7 @@ METADATA: dict[str, list[Any]] = {
 
 @pytest.mark.parametrize(
     ("record", "value"),
-    [(record, value) for record, values in METADATA.items() for value in values],
+    every_other([(record, value) for record, values in METADATA.items() for value in values]),
     ids=lambda value: str(value)[:20],
 )
 def test_metadata_that_does_not_parse_counts_as_absent(
@@ -317,7 +322,9 @@ CHANNEL_METADATA = {
 
 
 @pytest.mark.parametrize(
-    ("key", "text"), [(k, t) for k, ts in CHANNEL_METADATA.items() for t in ts], ids=lambda v: v[:20]
+    ("key", "text"),
+    every_other([(k, t) for k, ts in CHANNEL_METADATA.items() for t in ts]),
+    ids=lambda v: v[:20],
 )
 def test_channel_metadata_that_does_not_parse(
     key: str, text: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Any

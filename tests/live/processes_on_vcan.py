@@ -25,7 +25,7 @@ from faultloop.loop.runner import Interrupted
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 CAN = "socketcan:vcan0"
-PACES = (0.2, 0.05, 0.0125)  # slow motion: the machine that tests this may have one busy processor
+PACES = (0.1, 0.02)  # slow motion: the machine that tests this may have one busy processor
 LATE_MS = 50.0
 
 

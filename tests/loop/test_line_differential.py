@@ -170,8 +170,14 @@ def test_a_time_that_is_lost_blocks_and_is_told() -> None:
     assert int(ends[0].q["pickup"][0]) >> 4 & 1  # ChBlk
 
 
-@pytest.mark.parametrize("characteristic", ["alpha", "percentage"])
-@pytest.mark.parametrize("jump_ms", [-4.0, 1.5, 9.0])
+@pytest.mark.parametrize(
+    ("characteristic", "jump_ms"),
+    [
+        *(("alpha", -4.0), ("percentage", 9.0)),
+        *(pytest.param("alpha", ms, marks=pytest.mark.slow) for ms in (1.5, 9.0)),
+        *(pytest.param("percentage", ms, marks=pytest.mark.slow) for ms in (-4.0, 1.5)),
+    ],
+)
 def test_a_clock_that_jumps_makes_no_trip(characteristic: str, jump_ms: float) -> None:
     """Of one end, by the round trip: both refuse the other's sets, and are aligned again within 150 ms."""
     keys: dict[str, Any] = {"alignment": "channel", "characteristic": characteristic}

@@ -37,7 +37,7 @@ def system(rng: np.random.Generator) -> Network:
 
 
 @pytest.mark.parametrize("method", ["fourier", "adaptive-kalman"])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 3))])
 def test_never_the_wrong_way_and_never_too_far(method: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     for case in range(50):

@@ -67,7 +67,7 @@ def test_the_faulted_loop_measures_the_line_to_the_fault(kind: str) -> None:
 
 
 @pytest.mark.parametrize("network", [STRONG, WEAK, IMPORT], ids=["strong", "weak", "import"])
-@pytest.mark.parametrize("method", ["fourier", "adaptive-kalman"])
+@pytest.mark.parametrize("method", ["fourier", pytest.param("adaptive-kalman", marks=pytest.mark.slow)])
 def test_every_fault_has_one_answer(network: Network, method: str) -> None:
     """All types, close in to remote, at a few inception angles: the loop, the direction and nothing else."""
     for kind, at, start in itertools.product(TYPES, (0.0, 0.5, 0.95), (0.1, 0.1035)):

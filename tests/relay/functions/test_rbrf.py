@@ -49,10 +49,10 @@ def opened(
     return np.r_[wave[:zero] + taken, size * np.exp(-t / tau_s)], zero
 
 
-@pytest.mark.parametrize("rms", [300.0, 2000.0, 20e3])
+@pytest.mark.parametrize("rms", [300.0, pytest.param(2000.0, marks=pytest.mark.slow), 20e3])
 @pytest.mark.parametrize("offset", [0.0, 1.0])
 @pytest.mark.parametrize("left", [0.0, 0.5, -0.5])
-@pytest.mark.parametrize("tau_s", [0.03, 0.1])
+@pytest.mark.parametrize("tau_s", [pytest.param(0.03, marks=pytest.mark.slow), 0.1])
 @pytest.mark.parametrize("step_deg", [120, pytest.param(30, marks=pytest.mark.slow)])
 def test_the_detector_resets_within_15_ms_with_subsidence_too(
     rms: float, offset: float, left: float, tau_s: float, step_deg: int, measured: Measured
