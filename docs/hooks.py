@@ -38,7 +38,10 @@ def on_page_content(content: str, **_: Any) -> str:
     """Equations as MathML, which browsers draw by themselves."""
 
     def equation(found: re.Match[str]) -> str:
-        return convert(html.unescape(found[3]), display="block" if found[2] == "[" else "inline")
+        if found[2] == "(":
+            return convert(html.unescape(found[3]), display="inline")
+        made = convert(html.unescape(found[3]), display="block")
+        return f'<div style="overflow-x:auto;overflow-y:hidden">{made}</div>'  # and not the page
 
     return EQUATION.sub(equation, content)
 

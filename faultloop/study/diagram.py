@@ -126,7 +126,7 @@ class Diagram:
             (figure.update_yaxes, self.y_ticks, None, self.log_y),
         ):
             if log:
-                axes(type="log")
+                axes(type="log", exponentformat="power")
             if ticks is not None:
                 axes(
                     tickmode="array", tickvals=list(ticks), ticktext=list(names or [f"{t:g}" for t in ticks])

@@ -128,7 +128,7 @@ def cell(value: object) -> str:
     """A value as a table shows it."""
     if isinstance(value, bool) or not isinstance(value, float):
         return str(value)
-    return "-" if math.isnan(value) else f"{value:.4g}"
+    return "-" if math.isnan(value) else f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
 
 
 def check_table(report: Report) -> Table:

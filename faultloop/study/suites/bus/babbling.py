@@ -17,6 +17,7 @@ from faultloop.nodes import FOREVER, BreakerNode, RelayNode
 from faultloop.nodes.attacker import BabblingNode
 from faultloop.nodes.goose import Repetition
 from faultloop.nodes.refusals import unheard
+from faultloop.study.diagram import Curve, Diagram
 from faultloop.study.report import Check, Report, Table
 from faultloop.study.suites.bus.response_times import Message, longest_bits, response_ns
 
@@ -40,7 +41,7 @@ def report(quick: bool) -> Report:
         "command. The second of two relays that trip within 1 ms, each frame repeated after 2, 4, ... ms. "
         "The babbler's controller has one buffer: a frame for which it is not free is not offered.",
     ]
-    figures: dict[str, list[float]] = {}
+    longest: dict[str, list[float]] = {}
     for name, identifier in (("highest", HIGHEST), ("lowest", LOWEST)):
         rows = []
         for load in LOADS:
@@ -52,7 +53,7 @@ def report(quick: bool) -> Report:
                 what = f"{name} priority, {load} %: longest trip time"
                 done.checks.append(Check(what, float(times.max()), bound, "ms"))
         done.tables.append(_table(name, rows))
-        figures[name] = [row[3] for row in rows]
+        longest[name] = [row[3] for row in rows]
     drowned, _ = trip_times_ms(HIGHEST, 200, trials)
     share = 100 * float(np.mean(~np.isfinite(drowned)))
     done.checks.append(Check("highest priority, offered twice what the bus carries: trips lost", share, 100.0,
@@ -61,7 +62,7 @@ def report(quick: bool) -> Report:
         "A babbler of the highest priority that offers more than the bus carries keeps every trip off it: no "
         "protocol above the bus helps, only a guardian at the node or a second bus."
     )
-    done.figures = [("Longest trip time", _figure(figures))]
+    done.diagrams = [_diagram(longest)]
     return done
 
 
@@ -146,15 +147,17 @@ def trip_time_ns(identifier: int, load: int, seed: int) -> tuple[int, float]:
                 bus.submit(now, frame, babbler)
 
 
-def _figure(longest: dict[str, list[float]]) -> Any:
+def _diagram(longest: dict[str, list[float]]) -> Diagram:
     """Over the load; the bound beside."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
-    for (name, times), identifier in zip(longest.items(), (HIGHEST, LOWEST), strict=True):
-        figure.add_scatter(x=list(LOADS), y=[t if np.isfinite(t) else None for t in times], name=name)
+    curves = []
+    for colour, ((name, times), identifier) in enumerate(
+        zip(longest.items(), (HIGHEST, LOWEST), strict=True)
+    ):
+        there = [time if np.isfinite(time) else np.nan for time in times]
         bounds = [bound_ms(identifier, load) for load in LOADS]
-        figure.add_scatter(x=list(LOADS), y=bounds, name=f"{name}: worst case", line={"dash": "dot"})
-    figure.update_xaxes(title="load of the babbler [%]")
-    figure.update_yaxes(title="trip time [ms]", type="log")
-    return figure
+        curves += [
+            Curve(f"{name} priority", LOADS, there, colour=colour),
+            Curve(f"{name} priority: worst case", LOADS, bounds, colour=colour, dash="dot"),
+        ]
+    title = "Longest trip time beside a babbler"
+    return Diagram(title, "load of the babbler [%]", "trip time [ms]", curves, y_range=(0.0, None), wide=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from random import Random
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from faultloop.io.can.faults import SenderFaults
 from faultloop.nodes import FOREVER, BreakerNode, RelayNode
 from faultloop.nodes.goose import Repetition
 from faultloop.nodes.refusals import unheard
+from faultloop.study.diagram import Curve, Diagram
 from faultloop.study.report import Check, Report, Table
 
 MS = 1_000_000
@@ -71,7 +72,7 @@ def report(quick: bool) -> Report:
         report.checks.append(Check(f"{loss.title}: trips lost", float(lost), 0.0))
         what = f"{loss.title}: distance of the distributions (Kolmogorov)"
         report.checks.append(Check(what, gap, limit))
-        counted.append((loss, added))
+        counted.append((loss, sent))
     names = [f"{100 * q:g} %" for q in QUANTILES]
     columns = ("loss", ">lost", *(f">{n}" for n in names), ">longest", *(f">{n} expected" for n in names),
                ">distance")  # fmt: skip
@@ -81,7 +82,7 @@ def report(quick: bool) -> Report:
         "(Dvoretzky, Kiefer, Wolfowitz 1956; Massart 1990)."
     )
     report.tables = [Table("Added delay [ms]", columns, rows, note)]
-    report.figures = [("Added delay of trips", figure(counted))]
+    report.diagrams = [diagram(counted)]
     return report
 
 
@@ -133,6 +134,8 @@ def _offsets_ms(count: int) -> np.ndarray:
 
 
 FRAMES = 320
+SELDOM, SOON_MS = 1e-5, 1.0
+"""Less is not drawn."""
 OFFSETS_MS = _offsets_ms(FRAMES)
 """When the frames of a state are sent, after its first."""
 
@@ -187,15 +190,23 @@ def steps(share: np.ndarray, delays: np.ndarray, q: float) -> float:
     return float(delays[np.searchsorted(np.cumsum(share), q - 1e-12)])
 
 
-def figure(counted: list[tuple[Loss, np.ndarray]]) -> Any:
-    """How many trips came with which delay."""
-    import plotly.graph_objects as go
-
-    plot = go.Figure()
-    for loss, added in counted:
-        numbers = np.bincount(np.searchsorted(OFFSETS_MS, added + 0.5, side="right") - 1)
-        names = [f"{OFFSETS_MS[k]:g}" for k in range(len(numbers))]
-        plot.add_bar(x=names, y=numbers.tolist(), name=loss.title)
-    plot.update_xaxes(title="added delay [ms]", type="category")
-    plot.update_yaxes(title="trips", type="log")
-    return plot
+def diagram(counted: list[tuple[Loss, np.ndarray]]) -> Diagram:
+    """The share of trips that are not there after so long, counted and in closed form."""
+    curves = []
+    for colour, (loss, sent) in enumerate(counted):
+        share, delays = distribution(loss)
+        counts = np.bincount(sent, minlength=FRAMES)[:FRAMES] / len(sent)
+        for name, shares, dash in ((loss.title, counts, "solid"), ("in closed form", share, "dot")):
+            later = 1 - np.cumsum(shares)
+            later[later < SELDOM] = np.nan
+            own = {"in_legend": dash == "solid", "group": loss.title}
+            curves.append(Curve(name, np.maximum(delays, SOON_MS), later, "steps", colour, dash, **own))
+    return Diagram(
+        "Trips that come later; dotted: in closed form",
+        "added delay [ms]",
+        "share of the trips",
+        curves,
+        log_x=True,
+        log_y=True,
+        wide=True,
+    )
