@@ -190,6 +190,10 @@ STYLE = (
     "p.note{color:#666;font-size:13px;margin:.2em 0}h1,h2{overflow-wrap:anywhere}"
     "td.c{white-space:nowrap;font:13px monospace}"  # a command, to be copied
     "td.r,th.r{text-align:right}td.missed,p.missed{color:#b00;font-weight:bold}"
+    # the plots' own colours are those of a white page: their lightness is turned, not their hue
+    "@media(prefers-color-scheme:dark){body{background:#141414;color:#d8dce2}td,th{border-color:#363b43}"
+    "p.note{color:#9aa3ad}td.missed,p.missed{color:#ff7b72}a{color:#7ab7ff}"
+    ".js-plotly-plot{filter:invert(.92) hue-rotate(180deg)}}"
 )
 
 
