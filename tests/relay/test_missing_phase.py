@@ -58,7 +58,7 @@ def test_load_with_a_current_missing(from_s: float, angle: float) -> None:
 
 
 @pytest.mark.parametrize("method", ["kalman-bank", "fourier", "least-squares", "cosine"])
-@pytest.mark.parametrize("sampling_hz", [1000, 2400, 4800, 14400])
+@pytest.mark.parametrize("sampling_hz", [1000, 2400, 4800, pytest.param(14400, marks=pytest.mark.slow)])
 def test_all_currents_that_vanish_at_one_moment_are_told_and_a_load_that_goes_is_not(
     method: str, sampling_hz: int
 ) -> None:
