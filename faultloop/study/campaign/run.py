@@ -7,13 +7,9 @@ the same whatever was stopped, and however many workers there were.
 
 from __future__ import annotations
 
-import os
-import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import closing
-from multiprocessing import get_context, parent_process
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -30,6 +26,7 @@ from faultloop.study.campaign.summary import Progress, Summary, summary_of
 from faultloop.study.campaign.table import arrow, failed, row_of, schema_of
 from faultloop.study.campaign.waves import MOST_BYTES, Kept, Waves
 from faultloop.study.campaign.waves import folder_of as waves_folder
+from faultloop.study.pool import begin_worker, pool_of
 
 LEAST_IN_A_PART_S = 10.0
 """Simulated, where there are enough cases: some 0.3 s of work, to 10 ms for the part's file."""
@@ -165,15 +162,10 @@ _job: Job | None = None
 
 
 def _begin(job: Job) -> None:
-    """In a new worker: it ends with its parent, whatever ends that, and leaves Ctrl-C to it."""
-    import signal
-
+    """In a new worker."""
     global _job  # noqa: PLW0603 - a process pool has no other place for what its tasks share
     _job = job
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+    begin_worker()
 
 
 def _run_part(number: int) -> int:
@@ -184,10 +176,16 @@ def _run_part(number: int) -> int:
 
 def _by_processes(job: Job, todo: list[int], workers: int, parts: Parts) -> Iterator[int]:
     """Parts as they are finished; few are handed out ahead, so memory does not grow with their number."""
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (job,))
+
+    def died() -> InputError:
+        return InputError(
+            f"a worker died (killed, or out of memory); {parts.kept()}; the same command goes on from there",
+            file=parts.out,
+        )
+
     waiting = iter(todo)
     running: set[Future[int]] = set()
-    try:
+    with pool_of(workers, died, _begin, job) as pool:
         while True:
             while len(running) < 2 * workers and (number := next(waiting, None)) is not None:
                 running.add(pool.submit(_run_part, number))
@@ -196,15 +194,3 @@ def _by_processes(job: Job, todo: list[int], workers: int, parts: Parts) -> Iter
             ready, running = wait(running, return_when=FIRST_COMPLETED)
             for future in ready:
                 yield future.result()
-        pool.shutdown()
-    except BrokenProcessPool:
-        raise InputError(
-            f"a worker died (killed, or out of memory); {parts.kept()}; the same command goes on from there",
-            file=parts.out,
-        ) from None
-    except BaseException:
-        for process in list((pool._processes or {}).values()):
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)

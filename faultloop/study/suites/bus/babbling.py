@@ -154,7 +154,7 @@ def _diagram(longest: dict[str, list[float]]) -> Diagram:
         zip(longest.items(), (HIGHEST, LOWEST), strict=True)
     ):
         there = [time if np.isfinite(time) else np.nan for time in times]
-        bounds = [bound_ms(identifier, load) for load in LOADS]
+        bounds = np.array([bound_ms(identifier, load) for load in LOADS], np.float64)  # None: NaN
         curves += [
             Curve(f"{name} priority", LOADS, there, colour=colour),
             Curve(f"{name} priority: worst case", LOADS, bounds, colour=colour, dash="dot"),

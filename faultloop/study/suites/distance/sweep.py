@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from faultloop.config.toml_text import toml_text
 from faultloop.errors import InputError
 from faultloop.study.campaign.plan import Files, Plan
 from faultloop.study.campaign.run import run_campaign
+from faultloop.study.pool import pool_of
 from faultloop.study.suites.distance.network import Network
 from faultloop.study.suites.distance.rows import Rows
 
@@ -125,7 +125,8 @@ def run_sweeps(
             )
             done += sweep.cases
     else:
-        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        died = InputError("a worker died (killed, or out of memory); of the suite nothing is kept")
+        with pool_of(workers, lambda: died) as pool:
             waiting = {
                 pool.submit(run_sweep, sweep, name, folder): name
                 for name, sweep in sorted(sweeps.items(), key=lambda item: -item[1].cases)
