@@ -30,7 +30,7 @@ from faultloop.config.toml_text import toml_text
 
 ROOT = Path(__file__).resolve().parents[1]
 WAIT_S = 120
-CLEAN = {0, 2, 130, -signal.SIGKILL, -signal.SIGTERM}
+CLEAN = {0, 2, 130, -signal.SIGKILL, -signal.SIGTERM, -signal.SIGINT}
 """Exit statuses: done in time, a worker died, interrupted, killed, ended before Python itself had begun."""
 TRACKER = "ignore::UserWarning:multiprocessing.resource_tracker"
 """A campaign that is killed cannot clear away what its pool shares: Python's tracker does, and says so."""
