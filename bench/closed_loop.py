@@ -82,8 +82,8 @@ def main() -> None:
         if estimator.endswith("default"):
             told += f"; limit {LIMITS[way]:g}"
             if before:
-                least = statistics.median(before)
-                told += f" where before runs {BEFORE:g}: here {least:.1f}, so {middle * BEFORE / least:.1f}"
+                then = statistics.median(before)
+                told += f" where before runs {BEFORE:g}: here {then:.1f}, so {middle * BEFORE / then:.1f}"
         rows.append((f"Closed loop of two relays, logged, {estimator}, {way}", told))
     for line, figure in rows:
         print(f"{line}: {figure}")
@@ -104,7 +104,7 @@ def ratio_of(tree: Path) -> float:
     own = os.environ | {"PYTHONPATH": str(tree)}
     command = [sys.executable, str(tree / "bench" / "closed_loop.py")]
     told = subprocess.run(command, check=True, capture_output=True, text=True, cwd=tree, env=own).stdout
-    found = re.search(r"default.*: ([0-9.]+) x real time", told)
+    found = re.search(r"default.*?: .*?([0-9.]+) (?:x|times) real time", told)
     assert found is not None, told
     return float(found[1])
 

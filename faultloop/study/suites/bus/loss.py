@@ -135,7 +135,7 @@ def _offsets_ms(count: int) -> np.ndarray:
 
 FRAMES = 320
 SELDOM, SOON_MS = 1e-5, 1.0
-"""Less is not drawn."""
+"""Shares below are not drawn; no delay at all is drawn at this one, as the axis is logarithmic."""
 OFFSETS_MS = _offsets_ms(FRAMES)
 """When the frames of a state are sent, after its first."""
 
