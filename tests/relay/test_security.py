@@ -283,3 +283,26 @@ def test_a_voltage_that_is_shifted_falls_out_without_means() -> None:
     assert left < 0.05
     plain = gather(CONSTANTS[0], recent(v, i)[0], (4 + 30j, 0j), 0, (48, 1, 1), window)
     assert centred(shifted, window) == pytest.approx(centred(plain, window), rel=1e-6, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("number", "fault", "end", "most"),
+    [
+        (836, 9, 0, 20),
+        (4844, 23, 0, 20),
+        (13124, 18, 0, 20),
+        (18251, 17, 1, 20),
+        (24561, 22, 0, 30),  # 298 km
+        (18080, 37, 0, 50),
+        (23406, 24, 1, 50),
+    ],
+)
+def test_a_line_that_rings_while_the_fit_has_long_found_the_fault(
+    number: int, fault: int, end: int, most: float
+) -> None:
+    """Phasors that cross the reach again and again (before: zone 1 after 21 to 34 ms); phasors that an
+    estimator holds as it begins anew, taken for a change behind the relay that stands still (before: none)."""
+    relay, samples, seen = drawn_fault(91001, number, fault, end, order=4)
+    assert seen == ("inside", True)
+    begin = len(samples) - 240
+    assert picked_up(relay, samples[: begin + round(most * 1e-3 * SAMPLING_HZ) + 1])
