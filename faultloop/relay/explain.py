@@ -23,7 +23,7 @@ from faultloop.relay.characteristics import (
     quad_measures,
 )
 from faultloop.relay.functions.lphd import cause
-from faultloop.relay.functions.pdis import PHASORS_BEHIND, delay, doubt, zone_depth
+from faultloop.relay.functions.pdis import PHASORS_BEHIND, delay, doubt, sure_depth, zone_depth
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 from faultloop.relay.voltages import loops_of
@@ -66,6 +66,7 @@ ZONE = np.dtype(
         ("delay", "i8"),
         ("waits", "i8"),  # inside for long enough, and now to be confirmed in time
         ("confirmed", "f8"),  # the depth with its doubt that must then be below 1; infinite: it waits
+        ("alone", "f8"),  # by the samples, where it counts in place of the phasors'; NaN where it does not
     ],
     align=True,
 )
@@ -124,11 +125,18 @@ def zone_row(g: Record, q: Record, c: Record, w: Record, out: Record) -> None:
     out.residual = 3 * np.sqrt(size2(q.sequence[3])) / c.minimum_residual
     out.counter, out.inside, out.pickup = w.counter, w.inside, w.pickup
     out.operate, out.timer, out.delay = w.operate, w.timer, delay(c, w.fault)
-    out.waits, out.confirmed = 0, np.nan
-    if not q.disturbed or w.pickup or w.inside == 0 or w.counter < c.security:
+    out.waits, out.confirmed, out.alone = 0, np.nan, np.nan
+    mask = q.released & c.loops & ~q.blocked_loops
+    if c.direction > 0:
+        mask &= ~loops_of(q.behind | q.from_behind)
+    if not q.disturbed or w.counter <= 0.0 or w.timer > 0:
+        return
+    if w.inside == 0 and delay(c, w.fault) < g.cycle:
+        alone = sure_depth(g, q, c, mask)
+        out.alone = alone if alone < 1 else np.nan
+    if w.pickup or w.inside == 0 or w.counter < c.security:
         return
     out.waits = 1
-    mask = q.released & c.loops & ~q.blocked_loops
     left = doubt(g, q, w)
     early = left == np.inf or q.memory.age < g.lumped
     out.confirmed = np.inf if early else zone_depth(g, q, c, mask, left, -PHASORS_BEHIND)

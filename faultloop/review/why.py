@@ -170,6 +170,9 @@ def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | 
         m = why_stages.middle(known.zones["m"][row, one.number, of]) if of else None
         polarized = POLARIZED[int(place["characteristic"])]
         how = "" if m is None else f" {hyphened(loop)} {m:.2f} of reach, polarized by {polarized};"
+        if np.isfinite(alone := float(known.zones["alone"][row, one.number])):
+            how = f" {hyphened(loop)} {alone:.2f} of reach by the samples alone, as its phasors ring;"
+            m = alone
     elif one.function.name == "PSCH":
         how = f" {sequence(facts)};"
     elif (measured := why_stages.measured(facts)) is not None:
@@ -314,6 +317,7 @@ def _zone_at(known: Retraced, one: Instance, row: int, step_ns: float) -> dict[s
     own = [k for k in range(6) if int(c["loops"]) >> k & 1]
     blocked = bool(int(known.shared["blocked_zones"][row]) >> one.number & 1)
     timer, delay, inside = (float(z[key]) * step_ns / 1e6 for key in ("timer", "delay", "inside"))
+    alone = float(z["alone"])
     if z["operate"]:
         text = "operates"
     elif z["pickup"]:
@@ -324,6 +328,8 @@ def _zone_at(known: Retraced, one: Instance, row: int, step_ns: float) -> dict[s
         text = f"inside for {inside:.1f} ms, to be confirmed in time ({float(z['confirmed']):.2f}, below 1)"
     elif inside:
         text = f"inside for {inside:.1f} ms"
+    elif np.isfinite(alone):
+        text = f"inside by the samples alone ({alone:.2f}), as its phasors ring"
     else:
         at_once = delay * known.settings.relay.frequency_hz < 1e3
         far = at_once and any(float(z["m"][k]) < -PHASORS_BEHIND for k in own)
@@ -331,6 +337,7 @@ def _zone_at(known: Retraced, one: Instance, row: int, step_ns: float) -> dict[s
     return {
         "function": one.name,
         "m": {LOOPS[k]: float(z["m"][k]) for k in own if np.isfinite(z["m"][k])},
+        "m_by_samples": alone if np.isfinite(alone) else None,
         "polarized_by": POLARIZED[int(c["characteristic"])],
         "blocked": blocked,
         "inside_ms": inside,

@@ -102,7 +102,7 @@ class Zone:
         """(n,) what stopped it at each sample: the first that did, in the order in which the relay asks."""
         q, z, c = self.shared, self.z, self.c
         mask = sum(1 << k for k in self.judged)
-        inside = self.m < 1
+        inside = (self.m < 1) | (z["alone"] < 1)
         relay = self.facts.known.settings.relay
         delay = c["delay_ground" if self.judged and max(self.judged) < 3 else "delay_phase"]
         at_once = delay * relay.frequency_hz < relay.sampling_hz

@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+import faultloop
+from faultloop.config.toml_text import toml_text
+from faultloop.io.mcap_reader import open_log
 from faultloop.relay.explain import SHARED, ZONE
 from faultloop.relay.layout import constants, instances
 from faultloop.relay.settings import RelaySettings
+from faultloop.review.retrace import retrace
+from faultloop.review.summary import summarize
+from faultloop.review.why import at_instant, why
 from faultloop.review.why_zone import Zone, judge_zone
+from tests.load import load
 from tests.relay.functions.kernel import GIVEN
+
+NAN = float("nan")
 
 
 @pytest.mark.parametrize(
-    ("m", "delay_ms", "cause"),
-    [(-1.2, 0.0, "direction"), (-0.4, 0.0, "not-settled"), (-1.2, 300.0, "not-settled"), (1.2, 0.0, "reach")],
+    ("m", "alone", "delay_ms", "cause"),
+    [
+        (-1.2, NAN, 0.0, "direction"),
+        (-0.4, NAN, 0.0, "not-settled"),
+        (-1.2, NAN, 300.0, "not-settled"),
+        (1.2, NAN, 0.0, "reach"),
+        (1.2, 0.7, 0.0, "not-settled"),
+    ],
 )
 def test_a_zone_without_delay_does_not_start_for_what_is_far_behind(
-    m: float, delay_ms: float, cause: str
+    m: float, alone: float, delay_ms: float, cause: str
 ) -> None:
-    """Released, forward, and inside by memory; with a delay, or less far, it may start."""
+    """Released, forward, and inside by memory; with a delay, or less far, it may start, and where the samples
+    alone say inside."""
     pdis = [{"zone": 1, "reach_pu": 0.8, "delay_ms": delay_ms}]
     settings = RelaySettings.from_dict(GIVEN | {"pdis": pdis})
     shared, zones = np.zeros(20, SHARED), np.zeros((20, 1), ZONE)
@@ -35,7 +52,7 @@ def test_a_zone_without_delay_does_not_start_for_what_is_far_behind(
         "direction": 1,
     }.items():
         shared[key] = value
-    zones["m"] = zones["x"] = m
+    zones["m"], zones["x"], zones["alone"] = m, m, alone
     zones["current"], zones["residual"] = 2.0, 2.0
     known: Any = SimpleNamespace(
         settings=settings, shared=shared, zones=zones, t_ns=np.arange(20),
@@ -45,3 +62,33 @@ def test_a_zone_without_delay_does_not_start_for_what_is_far_behind(
     verdict = judge_zone(Zone(facts, "AG"))
     assert verdict.cause == cause
     assert ("behind the relay" in verdict.text) == (cause == "direction")
+
+
+def test_a_zone_that_started_by_the_samples_alone_tells_their_depth(tmp_path: Path) -> None:
+    """75 km at 0.583 behind 19 times the line: by its phasors, which ring, it was outside as it started."""
+    cases = load("bench/security_cases.py")
+    case = cases.another(cases.draw(91001, 836, "mixed"), 9)
+    line, length = case["line"], case["length"]
+    z1, z0 = ([line[f"{part}{n}_ohm_per_km"] * length for part in "rx"] for n in (1, 0))
+    settings = RelaySettings.from_dict(
+        {
+            "relay": {"frequency_hz": case["f0"], "nominal_kv": case["kv"]},
+            "vt": {"kind": "ideal"},
+            "line": {"z1_ohm": z1, "z0_ohm": z0},
+            "pdis": [{"zone": 1, "reach_pu": 0.8}],
+        }
+    )
+    path = tmp_path / "rings.toml"
+    path.write_text(toml_text(cases.tables(case, 1500.0, 4) | {"fault": [cases.fault(case)]}))
+    faultloop.run(path, settings={"RA": settings, "RB": settings}, log=tmp_path / "rings.mcap")
+    log = open_log(tmp_path / "rings.mcap")
+    summary = summarize(log)
+    (reason,) = why(log, summary, "RA", "PDIS1")
+    assert retrace(log, "RA").differs is None
+    assert reason.operated and reason.m == pytest.approx(case["at"] / 0.8, abs=0.02)
+    assert "of reach by the samples alone, as its phasors ring; started " in reason.text
+    at_ms = (reason.t_ns - summary.inception.zero_ns) / 1e6
+    told = [at_instant(log, summary, "RA", at_ms - 0.2 * k)["zones"][0] for k in range(10)]
+    assert told[0]["m_by_samples"] == reason.m
+    assert any(one["text"].startswith("inside by the samples alone (0.7") for one in told[1:])
+    assert at_instant(log, summary, "RB", at_ms)["zones"][0]["m_by_samples"] is None

@@ -68,9 +68,9 @@ WHOLE = 3.0
 """In place of `YOUNG` from a cycle and a quarter on: what rings with another frequency has hardly a part in m
 over a window so long."""
 SURE = 6.0
-"""How much what the fit leaves counts where phasors that ring show the fault outside, and the fit stands alone:
-with 4 the second fault on the parallel line of `PHASORS_BEHIND` started zone 1; of 100,000 fresh cases (seed
-96001) none that is not on the line did, neither with 4 nor with 6."""
+"""How much what the fit leaves counts where phasors that ring show the fault outside, and the fit stands
+alone: with 4 (and `WHOLE` 2) the second fault of `PHASORS_BEHIND` started zone 1, but of 100,000 fresh cases
+(seed 96001) none that is not on the line did."""
 BY_PHASORS = -1.0
 PHASORS_BEHIND = 0.5
 """Of the reach: farther behind the relay there is no fault that lies ahead, though a mho polarized by memory
@@ -270,9 +270,9 @@ def sure_depth(g: Record, q: Record, c: Record, mask: int) -> float:
     """m of the samples' fit alone where it leaves next to nothing, OUTSIDE where it does not, or where the
     voltage transformer is not to be trusted.
 
-    Phasors of a line that rings swing about the depth, and cross the reach again and again, long after the fit
-    has found it: one in 10,000 faults within 60 % of a line of up to 150 km waited for more than 20 ms.  What
-    the fit leaves of a fault elsewhere is large for just as long.
+    Phasors of a line that rings swing about the depth, and cross the reach again and again, long after the
+    fit has found it: one in 10,000 faults within 60 % of a line of up to 150 km waited for more than 20 ms.
+    What the fit leaves of a fault elsewhere is large for just as long.
     """
     if weakness(g, q) > 0.0 or zone_depth(g, q, c, mask, SURE, -np.inf) >= 1:
         return OUTSIDE

@@ -42,9 +42,10 @@ STILL = 0.08
 SIDE_COSINE = 0.6
 """Of the angle between a phase's drop and its voltage before: nearer to square, and its side is not known."""
 LASTS = 8
-"""Part of a cycle for which the phasors must stand still to say for good that something has changed behind: an
-estimator that begins anew, as at each surge of a line that rings, holds them for a twelfth (nine faults in
-273,000 within 76 % of the line, all on lines that ring, never started zone 1; bench/security.py, seed 91001)."""
+"""Part of a cycle for which the phasors must stand still to say for good that something has changed behind:
+an estimator that begins anew, as at each surge of a line that rings, holds them for a twelfth (nine faults in
+273,000 within 76 % of the line, all on lines that ring, never started zone 1; bench/security.py, seed
+91001)."""
 TAKES_PART = 0.3
 """Of the greatest change of a phase voltage and of a phase current: less, and the phase is healthy ..."""
 OWN_DROP = 0.2

@@ -98,8 +98,8 @@ def test_a_second_fault_ahead_of_one_ahead_releases_both_ones_loops() -> None:
 
 
 def test_what_changes_behind_holds_its_phases_back() -> None:
-    """For good, and so only what has stood still for an eighth of a cycle: an estimator that begins anew holds
-    its phasors for a twelfth."""
+    """For good, and so only what has stood still for an eighth of a cycle: an estimator that begins anew
+    holds its phasors for a twelfth."""
     k = second("AG", 1, "AG", -1)
     k.g["ideal_vt"] = 1
     k.q["memory"]["drift"] = 0.0
