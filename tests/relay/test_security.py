@@ -300,7 +300,7 @@ def test_a_voltage_that_is_shifted_falls_out_without_means() -> None:
 def test_a_line_that_rings_while_the_fit_has_long_found_the_fault(
     number: int, fault: int, end: int, most: float
 ) -> None:
-    """Phasors that cross the reach again and again (before: zone 1 after 21 to 34 ms); phasors that an estimator
+    """Phasors that cross the reach again and again (before: zone 1 after 21 to 34 ms); phasors that a filter
     holds as it begins anew, taken for a change behind the relay that stands still (before: none)."""
     relay, samples, seen = drawn_fault(91001, number, fault, end, order=4)
     assert seen == ("inside", True)
