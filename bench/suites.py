@@ -1,6 +1,6 @@
 """Runs suites and leaves what they hold, check by check, for docs/evidence.py.
 
-python bench/suites.py NAME [PART]... [--quick]
+python bench/suites.py NAME [PART]... [--quick] [--workers N] [--html FILE] [--png FILE]
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ SECTIONS = {
     "functions": "Relay functions",
     "seeds": "Papers",
 }
+SUITE_OPTIONS = ("workers", "html", "png")
 MOST = 6
 """Checks of a report that are told one by one; of more the nearest to their limits."""
 
@@ -50,8 +51,11 @@ def main() -> None:
     parser.add_argument("suite", choices=sorted(SECTIONS))
     parser.add_argument("part", nargs="*")
     parser.add_argument("--quick", action="store_true")
+    for option in SUITE_OPTIONS:
+        parser.add_argument(f"--{option}", help="as the suite's own")
     given = parser.parse_args()
     words = ["suite", given.suite, *given.part, *(["--quick"] if given.quick else [])]
+    words += [f"--{name}={value}" for name in SUITE_OPTIONS if (value := getattr(given, name))]
     done = subprocess.run(
         [sys.executable, "-m", "faultloop", *words, "--json"], stdout=subprocess.PIPE, check=False
     )

@@ -34,7 +34,7 @@ class Instrument(Component):
 
     @model_validator(mode="after")
     def _open(self) -> Self:
-        if self.open_at_s is None and not {"open_for_s", "open_phases"}.isdisjoint(self.model_fields_set):
+        if self.open_at_s is None and (self.open_for_s is not None or self.open_phases != "ABC"):
             raise ValueError("open_for_s and open_phases need open_at_s")
         return self
 

@@ -23,10 +23,11 @@ from faultloop.relay.characteristics import (
     quad_measures,
 )
 from faultloop.relay.functions.lphd import cause
-from faultloop.relay.functions.pdis import PHASORS_BEHIND, delay, doubt, sure_depth, zone_depth
+from faultloop.relay.functions.pdis import delay, doubt
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 from faultloop.relay.voltages import loops_of
+from faultloop.relay.zone_depth import ALONE, PHASORS_BEHIND, zone_depth
 
 SHARED = np.dtype(
     [
@@ -131,10 +132,9 @@ def zone_row(g: Record, q: Record, c: Record, w: Record, out: Record) -> None:
         mask &= ~loops_of(q.behind | q.from_behind)
     if not q.disturbed or w.counter <= 0.0 or w.timer > 0:
         return
-    if w.inside == 0 and delay(c, w.fault) < g.cycle:
-        alone = sure_depth(g, q, c, mask)
-        out.alone = alone if alone < 1 else np.nan
-    if w.pickup or w.inside == 0 or w.counter < c.security:
+    if w.alone > 0:
+        out.alone = zone_depth(g, q, c, mask, ALONE, -PHASORS_BEHIND)
+    if w.pickup or (w.inside == 0 and w.alone == 0) or w.counter < c.security:
         return
     out.waits = 1
     left = doubt(g, q, w)

@@ -169,11 +169,13 @@ def pairs_alike(g: Record, r: Record, age: int) -> bool:
 
 
 @njit
-def doubted(fitted: tuple[float, float, float], direction: int, reach: float, doubt: float) -> float:
-    """m of a `fit` with ``doubt`` times what it leaves added; infinite for one behind a loop with a
-    direction."""
+def doubted(
+    fitted: tuple[float, float, float], direction: int, reach: float, doubt: float, behind: float
+) -> float:
+    """m of a `fit` with ``doubt`` times what it leaves added; infinite for one behind a loop with a direction
+    by more than a tenth, a part of the resistance, and ``behind`` times what it leaves."""
     m, left, r = fitted
     if direction == 0:
         return abs(m) + doubt * left
-    behind = BEHIND[0] + BEHIND[1] * abs(r) / reach + BEHIND[2] * left
-    return m + doubt * left if m > -behind else np.inf
+    least = BEHIND[0] + BEHIND[1] * abs(r) / reach + behind * left
+    return m + doubt * left if m > -least else np.inf

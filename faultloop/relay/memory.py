@@ -322,3 +322,5 @@ def thaw(c: Record, m: Record, x: Phasors, frequency: float, selected: int, insi
         if is_frequency(c, frequency):
             turn_with(c, m, frequency)
         fill(c, m, x)
+        if size2(positive_sequence(x)) < c.minimum_voltage**2:  # at once: the next change may come first
+            m.ready = m.steady = 0

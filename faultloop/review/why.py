@@ -21,10 +21,10 @@ from faultloop.errors import InputError, nearest
 from faultloop.io.mcap_reader import Log
 from faultloop.relay.characteristics import CROSS, MEMORY_POLARIZED, OFFSET, OWN, QUAD, SELF
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
-from faultloop.relay.functions.pdis import PHASORS_BEHIND
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.layout import Instance
 from faultloop.relay.quantities import FAULTS, LOOPS
+from faultloop.relay.zone_depth import PHASORS_BEHIND
 from faultloop.review import why_stages
 from faultloop.review.facts import Summary, Told, TripFacts
 from faultloop.review.retrace import Retraced, retrace
@@ -170,9 +170,10 @@ def _operated(name: str, facts: why_stages.Facts, at_ns: int, trip: TripFacts | 
         m = why_stages.middle(known.zones["m"][row, one.number, of]) if of else None
         polarized = POLARIZED[int(place["characteristic"])]
         how = "" if m is None else f" {hyphened(loop)} {m:.2f} of reach, polarized by {polarized};"
-        if np.isfinite(alone := float(known.zones["alone"][row, one.number])):
-            how = f" {hyphened(loop)} {alone:.2f} of reach by the samples alone, as its phasors ring;"
-            m = alone
+        begun = min(int(np.searchsorted(known.t_ns, start)), row)
+        if np.isfinite(alone := float(known.zones["alone"][begun, one.number])):
+            by_phasors = "" if m is None else f" ({m:.2f} by phasors, which ring)"
+            how, m = f" {hyphened(loop)} {alone:.2f} of reach by the samples alone{by_phasors};", alone
     elif one.function.name == "PSCH":
         how = f" {sequence(facts)};"
     elif (measured := why_stages.measured(facts)) is not None:
@@ -329,7 +330,7 @@ def _zone_at(known: Retraced, one: Instance, row: int, step_ns: float) -> dict[s
     elif inside:
         text = f"inside for {inside:.1f} ms"
     elif np.isfinite(alone):
-        text = f"inside by the samples alone ({alone:.2f}), as its phasors ring"
+        text = f"inside by the samples alone ({alone:.2f})"
     else:
         at_once = delay * known.settings.relay.frequency_hz < 1e3
         far = at_once and any(float(z["m"][k]) < -PHASORS_BEHIND for k in own)

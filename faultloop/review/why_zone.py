@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from faultloop.relay.characteristics import QUAD
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
-from faultloop.relay.functions.pdis import MAX_ZONES, PHASORS_BEHIND
+from faultloop.relay.functions.pdis import MAX_ZONES
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.quantities import FAULTS, LOOPS
+from faultloop.relay.zone_depth import PHASORS_BEHIND
 from faultloop.review.why_stages import Cause, Facts, Verdict
 
 NONE, SETTLE, UNFED, CURRENT, TYPE, LOOP, SIDE = range(7)
@@ -268,6 +269,8 @@ def _far_behind(zone: Zone, at: NDArray[np.intp]) -> str:
 def _stay(zone: Zone, at: NDArray[np.intp]) -> str:
     step_ms = 1e3 / zone.facts.known.settings.relay.sampling_hz
     stayed = float(zone.z["inside"][at].max()) * step_ms
+    if np.nanmean(zone.z["alone"][at] < 1) > 0.5:
+        return "inside by the samples alone, but not for long enough"
     return f"inside for {stayed:.1f} ms only: so near the border it must stay longer (security_cycles)"
 
 

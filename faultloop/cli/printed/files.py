@@ -28,6 +28,8 @@ class ZoneAt(TypedDict):
     """`PDIS1`."""
     m: dict[str, float]
     """By loop: depth as a part of the zone's reach."""
+    m_by_samples: float | None
+    """The depth that counts in place of the phasors' while these ring."""
     polarized_by: str
     """By what voltage or current."""
     blocked: bool

@@ -1,7 +1,7 @@
 """PDIS: distance zones.
 
 Each zone measures how deep the fault lies in it, m, as a part of its reach
-(`faultloop.relay.characteristics`); it is inside where m < 1.  A zone without delay asks the samples, too
+(`faultloop.relay.zone_depth`); it is inside where m < 1.  A zone without delay asks the samples, too
 (`faultloop.relay.loop_fit`).
 """
 
@@ -17,39 +17,17 @@ from pydantic import Field, model_validator
 
 from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
 from faultloop.jit import njit
-from faultloop.relay.characteristics import (
-    CROSS,
-    MEMORY_POLARIZED,
-    OFFSET,
-    OUTSIDE,
-    OWN,
-    QUAD,
-    SELF,
-    loop_current,
-    loop_voltage,
-    mho_depth,
-    quad_depth,
-    quad_measures,
-)
+from faultloop.relay.characteristics import CROSS, MEMORY_POLARIZED, OFFSET, OWN, QUAD, SELF
 from faultloop.relay.functions.function import Function, Polygon
-from faultloop.relay.loop_fit import SHORTEST, Sums, centred, doubted, fit, gather, window
-from faultloop.relay.memory import at_frequency, size2
+from faultloop.relay.loop_fit import SHORTEST
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
-from faultloop.relay.standing import standing_depth
-from faultloop.relay.swing import UNBALANCED
-from faultloop.relay.unknown_vt import (
-    CENTRED_DOUBT,
-    PHASORS_CYCLES,
-    is_believed,
-    is_believed_centred,
-    weakness,
-)
+from faultloop.relay.unknown_vt import PHASORS_CYCLES, is_believed, is_believed_centred, weakness
 from faultloop.relay.voltages import loops_of
+from faultloop.relay.zone_depth import ALONE, BY_PHASORS, PHASORS_BEHIND, zone_depth
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
-ALL_POLES = 7
 MAX_ZONES = 16
 _POLARIZATION = {"self": SELF, "cross": CROSS, "memory": MEMORY_POLARIZED}
 _DIRECTION = {"forward": 1, "reverse": -1, "none": 0}
@@ -67,16 +45,8 @@ and the depth is no better for it: with 2 one of 56 faults on the parallel line 
 WHOLE = 3.0
 """In place of `YOUNG` from a cycle and a quarter on: what rings with another frequency has hardly a part in m
 over a window so long."""
-SURE = 6.0
-"""How much what the fit leaves counts where phasors that ring show the fault outside, and the fit stands
-alone: with 4 (and `WHOLE` 2) the second fault of `PHASORS_BEHIND` started zone 1, but of 100,000 fresh cases
-(seed 96001) none that is not on the line did."""
-BY_PHASORS = -1.0
-PHASORS_BEHIND = 0.5
-"""Of the reach: farther behind the relay there is no fault that lies ahead, though a mho polarized by memory
-takes in all that is between relay and source.  The current of the healthy one of two parallel lines can ring
-through zero, and m with it from far ahead to far behind: 2 of 62,364 faults on the other started zone 1 at m
-of -0.7 to -1.3 (bench/security.py, seed 91001, networks 5555 and 10988)."""
+SIXTEENTH = 16
+"""Part of a cycle for which the fit must stand alone before a zone starts by it."""
 POINTS = 73
 
 
@@ -183,103 +153,6 @@ def reach_ohm(settings: RelaySettings, zone: Pdis) -> complex:
 
 
 @njit
-def depth(g: Record, q: Record, c: Record, loop: int) -> float:
-    """How deep the fault is in the zone by one loop: m, or OUTSIDE."""
-    v = loop_voltage(q.x, loop)
-    i = loop_current(q.x, loop, c.k0) + (q.mutual if loop < 3 else 0.0)
-    if size2(i) < c.minimum_current**2:
-        return OUTSIDE
-    if loop < 3 and size2(q.x[3] + q.x[4] + q.x[5]) < c.minimum_residual**2:
-        return OUTSIDE
-    if c.characteristic <= OFFSET:
-        m = mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i)
-    else:
-        m = quad_depth(g, q, c, loop, v, i)
-    if q.swing_fault:
-        m = min(m, standing_depth(g, q, (c.reach, c.k0 * c.reach), loop, c.direction))
-        if q.swing_fault == UNBALANCED and c.characteristic < OFFSET and q.closed == ALL_POLES:
-            # the sources are far apart, and with them V and I: a resistance does not look like one
-            m = max(m, quad_measures(g, q, c, loop, v, i, complex(1.0, 0.0))[0])
-    return m if m == m else OUTSIDE
-
-
-@njit
-def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: float) -> float:
-    """m of the samples' fit, with ``doubt`` times what it leaves added; no less than by the zone's
-    characteristic for the impedance that was fitted, as phasors on their way cross it."""
-    fitted = fit(sums, -1 if c.direction < 0 else 1)
-    m = doubted(fitted, c.direction, abs(c.reach), doubt)
-    if m >= 1 or q.swing_fault:
-        return m
-    i = loop_current(q.x, loop, c.k0) + (q.mutual if loop < 3 else 0.0)
-    drop = at_frequency(g, q.memory, c.reach) * i
-    residual = q.x[3] + q.x[4] + q.x[5]
-    v = fitted[0] * drop + fitted[2] * (residual if loop < 3 else i)
-    if c.characteristic <= OFFSET:
-        by_characteristic = mho_depth(q, c, loop, v, drop)
-    else:
-        by_characteristic = quad_depth(g, q, c, loop, v, i)
-    return max(m, by_characteristic)
-
-
-@njit
-def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> float:
-    """m by the samples of the loop, with ``doubt`` times what the fit leaves added; OUTSIDE behind it."""
-    length = window(g, q.memory.age)
-    drop = c.reach, c.k0 * c.reach
-    ratio, m = weakness(g, q), OUTSIDE
-    if is_believed(g, q, ratio):
-        mean = max(length // 8, 1)
-        sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
-        m = fitted_depth(g, q, c, loop, sums, doubt)
-    if is_believed_centred(g, q, ratio):
-        mean = length // 3
-        sums = centred(gather(g, q.recent, drop, loop, (mean, 1, 1), length - mean), length - mean)
-        m = min(m, fitted_depth(g, q, c, loop, sums, CENTRED_DOUBT))
-    return m
-
-
-@njit
-def zone_depth(g: Record, q: Record, c: Record, mask: int, doubt: float, least: float) -> float:
-    """m of the released loops, by `depth`, where none is below ``least``, or, with a ``doubt``, by
-    `depth_in_time`; of three, the middle one (two of three must be inside), unless there are two faults."""
-    if c.direction != 0 and q.direction != c.direction:
-        return OUTSIDE
-    low, middle, high, count = OUTSIDE, OUTSIDE, OUTSIDE, 0
-    for loop in range(6):
-        if not (mask >> loop) & 1:
-            continue
-        count += 1
-        if doubt == BY_PHASORS:
-            m = depth(g, q, c, loop)
-            if m < least:
-                m = OUTSIDE
-        else:
-            m = depth_in_time(g, q, c, loop, doubt)
-        if m < low:
-            low, middle, high = m, low, middle
-        elif m < middle:
-            middle, high = m, middle
-        elif m < high:
-            high = m
-    return middle if count == 3 and not q.both else low
-
-
-@njit
-def sure_depth(g: Record, q: Record, c: Record, mask: int) -> float:
-    """m of the samples' fit alone where it leaves next to nothing, OUTSIDE where it does not, or where the
-    voltage transformer is not to be trusted.
-
-    Phasors of a line that rings swing about the depth, and cross the reach again and again, long after the
-    fit has found it: one in 10,000 faults within 60 % of a line of up to 150 km waited for more than 20 ms.
-    What the fit leaves of a fault elsewhere is large for just as long.
-    """
-    if weakness(g, q) > 0.0 or zone_depth(g, q, c, mask, SURE, -np.inf) >= 1:
-        return OUTSIDE
-    return zone_depth(g, q, c, mask, 0.0, -np.inf)
-
-
-@njit
 def security_step(m: float) -> float:
     """How much one sample inside counts; a zone starts at ``security`` (a cycle): in the last tenth of the
     reach a fault must stay inside for one, which outlasts the swing that an offset gives the impedance."""
@@ -294,7 +167,7 @@ def security_step(m: float) -> float:
 def reset_zone(w: Record) -> None:
     """Back to rest."""
     w.counter = 0.0
-    w.inside = 0
+    w.inside = w.alone = 0
     w.fault = 0
     w.outside = 0
     w.pickup = 0
@@ -327,10 +200,19 @@ def doubt(g: Record, q: Record, w: Record) -> float:
 
 
 @njit
+def stands_alone(g: Record, q: Record, c: Record) -> bool:
+    """Whether the fit may, in a zone that operates as it starts: neither in a swing, where it has no
+    characteristic, nor behind a voltage transformer that is not known."""
+    return delay(c, q.fault) == 0 and g.ideal_vt and not q.swing_fault
+
+
+@njit
 def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
     """One sample of a zone in a disturbance: start, timer, operate."""
     at_once = delay(c, q.fault) < g.cycle
     least = -PHASORS_BEHIND if at_once and not w.pickup else -np.inf
+    if weakness(g, q) > 0.0:
+        least *= 2.0
     m = zone_depth(g, q, c, mask, BY_PHASORS, least)
     if w.pickup:
         w.outside = w.outside + 1 if m > HYSTERESIS else 0
@@ -343,16 +225,19 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
     else:
         if q.fault != w.fault:
             w.counter = 0.0
-            w.inside = 0
+            w.inside = w.alone = 0
             w.fault = q.fault
         w.inside = w.inside + 1 if m < 1 else 0
-        if m >= 1 and at_once and w.counter > 0.0:
-            m = sure_depth(g, q, c, mask)
+        if m >= 1 and w.counter > 0.0 and stands_alone(g, q, c):
+            m = zone_depth(g, q, c, mask, ALONE, least)
+            w.alone = w.alone + 1 if m < 1 else 0
+        else:
+            w.alone = 0
         if m < 1:
             w.counter += security_step(m)
         else:
             w.counter = max(w.counter - FALLS, 0.0)
-        if m >= 1 or w.counter < c.security:
+        if m >= 1 or w.counter < c.security or 0 < SIXTEENTH * w.alone < g.cycle:
             return
         if at_once:
             if q.memory.age < g.lumped:
@@ -470,6 +355,7 @@ PDIS = Function(
     state=(
         ("counter", "f8"),
         ("inside", "i8"),  # samples in a row
+        ("alone", "i8"),  # samples in a row at which the fit stands alone
         ("fault", "i8"),  # the type it started with
         ("outside", "i8"),
         ("pickup", "i8"),

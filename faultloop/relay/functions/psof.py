@@ -5,7 +5,8 @@ needs the memory works: no direction, no selection.  But a line that was dead an
 an impedance shorter than the line can only have been switched onto a fault.  So: after ``dead_ms``
 without current and voltage the function is armed for ``armed_ms`` from the first current on; a loop of
 the six whose impedance lies within a circle of ``reach_pu`` of the line about the origin for ``delay_ms``
-trips three poles.  Once there is a healthy voltage the memory is ready, and the zones take over.
+trips three poles.  Once there is a healthy voltage in every phase the memory is ready, and the zones take
+over; a phase that has none, as beside a fault close in, has no zones.
 
 What else comes with an energised line must not be taken for a fault:
 
@@ -34,6 +35,7 @@ from faultloop.relay.voltages import loops_of
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
+ALL_PROVEN = 7
 WHATEVER_ANGLE = 0.5
 """Of the reach: shorter than this no load is."""
 THERE = 0.1
@@ -95,7 +97,7 @@ def arm(g: Record, q: Record, c: Record, w: Record) -> bool:
         w.age = 0
         w.proven = q.proven
         return False
-    if w.dead >= c.dead and w.age < c.armed and not q.ready:
+    if w.dead >= c.dead and w.age < c.armed and not (q.ready and q.proven == ALL_PROVEN):
         w.age += 1
         return True
     w.dead = 0
