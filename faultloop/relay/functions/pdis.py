@@ -158,7 +158,7 @@ def security_step(m: float) -> float:
     reach a fault must stay inside for one, which outlasts the swing that an offset gives the impedance."""
     if m < 0.5:
         return 12.0
-    if m < 0.75:
+    if m < 0.8:
         return 8.0
     return 2.0 if m < 0.9 else 1.0
 

@@ -23,6 +23,7 @@ Z1_OHM_PER_KM = complex(LINE["r1_ohm_per_km"], LINE["x1_ohm_per_km"])
 Z0_OHM_PER_KM = complex(LINE["r0_ohm_per_km"], LINE["x0_ohm_per_km"])
 Z0_OVER_Z1_OF_SOURCE = 1.5
 ANTIALIAS_HZ = 1500.0
+ANTIALIAS_ORDER = 4
 REACH = 0.8
 """Of zone 1, per unit of the line."""
 FAULT_S = 0.06
@@ -85,7 +86,11 @@ class Network:
                 | dict(self.relay)
                 for name in relays
             ],
-            "front_end": {"antialias_hz": self.antialias_hz, **self.front_end},
+            "front_end": {
+                "antialias_hz": self.antialias_hz,
+                "antialias_order": ANTIALIAS_ORDER,
+                **self.front_end,
+            },
         }
         if fault is not None:
             time = {} if "start_s" in fault else {"angle_deg": 0.0, "after_s": FAULT_S}

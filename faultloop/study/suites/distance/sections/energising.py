@@ -13,9 +13,11 @@ from faultloop.study.suites.distance.security import quiet, relays, wrong_checks
 from faultloop.study.suites.distance.sweep import TYPES, Sweep
 
 TITLE = "Energising, switch onto fault, load steps"
-CLOSES_S = 0.26
-"""Long enough after the start for a dead line to be one (PSOF's `dead_ms` is 200 ms)."""
+OPENS_S, FAULTED_S, CLOSES_S = 0.02, 0.15, 0.3
+"""The line has been in service; it is opened, and closed again when it is a dead one (PSOF's `dead_ms` is
+200 ms).  Where a relay has never seen a voltage, three phases without one are no fault to it."""
 AT = "switching.S1.at_s"
+DISCHARGE_MW = 2.0
 LENGTHS = (20.0, 100.0, 300.0)
 PLACES = (0.0, 0.1, 0.3, 0.5, 0.6)
 RATIOS = (1.0, 10.0)
@@ -38,7 +40,7 @@ def sweeps(quick: bool) -> dict[str, Sweep]:
                     "at": (0.3,) if quick else PLACES,
                     "type": ("AG", "ABC") if quick else TYPES,
                 }
-                fault = {"line": "AB", "at_pu": 0.5, "start_s": 0.0}
+                fault = {"line": "AB", "at_pu": 0.5, "start_s": FAULTED_S}
                 if km == 100.0:
                     found[f"{name}-onto"] = Sweep(network, own, onto, fault, tags | {"kind": "onto a fault"})
                 found[name] = Sweep(network, own, {AT: instants}, None, tags | {"kind": "energising"})
@@ -55,11 +57,17 @@ def sweeps(quick: bool) -> dict[str, Sweep]:
 
 
 def _energised(sir: float, km: float, side: str) -> Network:
-    """A line that is closed at A; its far end is open."""
+    """A line that is opened and closed at A; at its far end is a load that its charge leaves through."""
     return Network(
         sir=sir, length_km=km, far_sir=None, beyond_km=0.0, angle_deg=0.0, duration_s=CLOSES_S + 0.14,
-        breaker={"closed": False}, relay={"voltage_at": side},
-        more={"switching": [{"name": "S1", "breaker": "QA", "operation": "close", "at_s": CLOSES_S}]},
+        relay={"voltage_at": side},
+        more={
+            "load": [{"name": "L", "bus": "B", "mw": DISCHARGE_MW, "mvar": 0.0}],
+            "switching": [
+                {"name": "S1", "breaker": "QA", "operation": "close", "at_s": CLOSES_S},
+                {"name": "S0", "breaker": "QA", "operation": "open", "at_s": OPENS_S},
+            ]
+        },
     )  # fmt: skip
 
 
@@ -85,7 +93,8 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     every = every.tagged(closes_ns=every[AT] * 1e9)
     onto, none = every.only(kind="onto a fault"), every.pick(every["kind"] != "onto a fault")
     report.text.append(
-        "Three poles close at A onto a line that is open at B, at four points on wave, without a fault "
+        "A line that is open at B is opened at A and, dead for a quarter of a second, closed again, at four "
+        "points on wave, without a fault "
         "and onto a bolted one; the voltage is measured on the line's side, where a dead line has none, "
         "or at the bus. Loads beyond B are switched on and off. Times count from the closing, whichever "
         "function trips: zone 1, or PSOF."
