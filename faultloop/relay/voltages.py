@@ -59,9 +59,13 @@ def lose(g: Record, q: Record) -> None:
     floor = g.minimum_voltage**2
     if greatest > floor and size2(q.sequence[2]) <= UNBALANCE**2 * size2(q.sequence[1]):
         return
+    gone = 0
     for phase in range(3):
         if size2(q.x[phase]) <= max(floor, PART**2 * greatest) and (q.closed >> phase) & 1:
-            q.proven &= ~(1 << phase)
+            gone |= 1 << phase
+    q.lost = q.lost + 1 if gone else 0
+    if 2 * q.lost >= g.cycle:  # a breaker that closes says so before its current is seen
+        q.proven &= ~gone
 
 
 @njit
