@@ -53,19 +53,16 @@ def prove(g: Record, q: Record) -> None:
 def lose(g: Record, q: Record) -> None:
     """In a disturbance: a voltage that has gone while no current has changed for half a cycle, nor its pole
     opened, is its transformer's; a fault that took it away would be fed, or the load would change."""
-    if q.memory.fed or 2 * q.memory.age < g.cycle:
+    q.lost = q.lost + 1 if q.closed == ALL_PHASES else 0  # a breaker says that it closes before its current
+    if q.memory.fed or 2 * q.memory.age < g.cycle or (0 < 2 * q.lost < g.cycle):
         return
     greatest = max(size2(q.x[0]), size2(q.x[1]), size2(q.x[2]))
     floor = g.minimum_voltage**2
     if greatest > floor and size2(q.sequence[2]) <= UNBALANCE**2 * size2(q.sequence[1]):
         return
-    gone = 0
     for phase in range(3):
         if size2(q.x[phase]) <= max(floor, PART**2 * greatest) and (q.closed >> phase) & 1:
-            gone |= 1 << phase
-    q.lost = q.lost + 1 if gone else 0
-    if 2 * q.lost >= g.cycle:  # a breaker that closes says so before its current is seen
-        q.proven &= ~gone
+            q.proven &= ~(1 << phase)
 
 
 @njit
