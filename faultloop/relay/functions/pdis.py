@@ -46,7 +46,7 @@ WHOLE = 3.0
 """In place of `YOUNG` from a cycle and a quarter on: what rings with another frequency has hardly a part in m
 over a window so long."""
 MIDDLE = 0.77
-"""Up to here a sample counts eight times: three quarters of the reach, and what a line's capacitance adds.  With
+"""Up to here a sample counts eight times: three quarters of the reach, and what the capacitance adds.  With
 0.8 zone 1 started for the SEL-311L's record, whose fault lies beyond it."""
 SIXTEENTH = 16
 """Part of a cycle for which the fit must stand alone before a zone starts by it."""
