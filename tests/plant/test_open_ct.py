@@ -67,6 +67,15 @@ def test_what_begins_later_has_what_is_left_of_it() -> None:
     assert ct.beginning_at(0.08, own).open_at_s is None
 
 
+@pytest.mark.parametrize("table", ["ct", "vt"])
+def test_its_defaults_may_be_written(table: str) -> None:
+    """As in the scenario that a log has, which `why` and `replay` read."""
+    written = scenario(table).model_dump(by_alias=True)
+    assert written[table][0]["open_at_s"] is None
+    assert written[table][0]["open_phases"] == "ABC"
+    assert Scenario.from_dict(written) == scenario(table)
+
+
 @pytest.mark.parametrize(
     ("keys", "key", "what"),
     [

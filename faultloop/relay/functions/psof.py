@@ -81,10 +81,25 @@ def values(settings: RelaySettings, table: Psof) -> dict[str, Any]:
 
 
 @njit
+def fundamental2(g: Record, q: Record, phase: int) -> float:
+    """|V|^2 of a phase by the Fourier transform of the last cycle: a charge that stays on an open line stands
+    still, and an estimator makes a phasor of it."""
+    v = complex(0.0, 0.0)
+    for k in range(g.values):
+        turn = complex(math.cos(k * g.turn_per_value), math.sin(k * g.turn_per_value))
+        v += loop_values(q.recent, k, phase)[0] * turn
+    return 2.0 * size2(v) / g.values**2
+
+
+@njit
 def is_dead(g: Record, q: Record) -> bool:
-    """No current in any pole, and no voltage."""
+    """No current in any pole, and no voltage but a charge's."""
     for k in range(3):
-        if size2(q.x[k]) >= g.minimum_voltage**2 or size2(q.x[3 + k]) >= g.open_current**2:
+        if size2(q.x[3 + k]) >= g.open_current**2:
+            return False
+    for k in range(3):
+        has = size2(q.x[k]) >= g.minimum_voltage**2
+        if has and fundamental2(g, q, k) >= g.minimum_voltage**2:
             return False
     return True
 

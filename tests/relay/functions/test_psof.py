@@ -105,6 +105,15 @@ def test_a_memory_that_is_ready_ends_it() -> None:
     assert operated_after(k) is None
 
 
+def test_a_memory_that_is_ready_without_one_phase_does_not_end_it() -> None:
+    """Beside a fault close in the other two make it ready; the loops of the third measure nothing."""
+    k = dead_line()
+    energised(k, 0.5 * Z1)
+    k.step(count=10)
+    k.q["ready"], k.q["proven"] = 1, 0b110
+    assert operated_after(k) == DELAY - 10
+
+
 @pytest.mark.parametrize("current_a", [None, 1500.0])
 def test_without_a_voltage_ever_only_the_current_trips(current_a: float | None) -> None:
     table = {} if current_a is None else {"current_a": current_a}

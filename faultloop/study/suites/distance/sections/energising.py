@@ -13,9 +13,10 @@ from faultloop.study.suites.distance.security import quiet, relays, wrong_checks
 from faultloop.study.suites.distance.sweep import TYPES, Sweep
 
 TITLE = "Energising, switch onto fault, load steps"
-OPENS_S, FAULTED_S, CLOSES_S = 0.02, 0.15, 0.3
-"""The line has been in service; it is opened, and closed again when it is a dead one (PSOF's `dead_ms` is
-200 ms).  Where a relay has never seen a voltage, three phases without one are no fault to it."""
+OPENS_S, FAULTED_S, CLOSES_S = 0.02, 0.15, 0.36
+"""The line has been in service; it is opened, and closed again when it is a dead one: PSOF's `dead_ms` is 200
+ms, after five cycles in which the estimates die away.  To a relay that has never seen a voltage three phases
+without one are no fault."""
 AT = "switching.S1.at_s"
 DISCHARGE_MW = 2.0
 LENGTHS = (20.0, 100.0, 300.0)
