@@ -333,7 +333,7 @@ def watch_breaker(g: Record, q: Record) -> bool:
             memory.fill(g, q.memory, q.x)
             if q.closed == 0:  # nothing, or a charge that leaves, on the line's side: there must be a voltage
                 q.memory.ready = q.memory.steady = 0
-    return q.memory.blind == 0
+    return q.memory.blind == 0 and q.memory.ready == 1
 
 
 @njit

@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from faultloop.relay.characteristics import quad_measures
-from faultloop.relay.functions.pdis import PDIS, depth
+from faultloop.relay.functions.pdis import PDIS
 from faultloop.relay.quantities import FAULTS, LOOPS, THREE_PHASE
+from faultloop.relay.zone_depth import depth
 from tests.relay.functions.kernel import Kernel
 from tests.relay.functions.test_phs import LOOP, NETWORKS
 from tests.relay.network import Network
