@@ -9,6 +9,7 @@ import argparse
 import json
 import subprocess
 import sys
+from math import inf
 
 from results import leave, row
 
@@ -31,7 +32,7 @@ def figure(report: dict) -> str:
     """What its checks came to."""
     if report["failed"]:
         return f"failed: {report['failed']}"
-    checks = report["checks"]
+    checks = [{key: inf if one[key] is None else one[key] for key in one} for one in report["checks"]]
     missed = [one for one in checks if one["status"] == "MISSED"]
     nearest = sorted(checks, key=lambda one: abs(one["margin"]) / (abs(one["limit"]) or 1.0))
     shown = checks if len(checks) <= MOST else [*missed, *nearest[:MOST]]
