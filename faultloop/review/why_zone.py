@@ -269,7 +269,7 @@ def _far_behind(zone: Zone, at: NDArray[np.intp]) -> str:
 def _stay(zone: Zone, at: NDArray[np.intp]) -> str:
     step_ms = 1e3 / zone.facts.known.settings.relay.sampling_hz
     stayed = float(zone.z["inside"][at].max()) * step_ms
-    if np.nanmean(zone.z["alone"][at] < 1) > 0.5:
+    if (zone.z["alone"][at] < 1).mean() > 0.5:
         return "inside by the samples alone, but not for long enough"
     return f"inside for {stayed:.1f} ms only: so near the border it must stay longer (security_cycles)"
 
