@@ -3,8 +3,9 @@
 A phase that carries current and has no voltage is at a bolted fault close in, or its voltage transformer is
 not there: a blown fuse, an open miniature breaker, a channel that nobody wired.  Phasors cannot tell which,
 but what was before can: a transformer is *proven* by a voltage, and no longer when the voltage is missing in
-quiet while the pole carries current, or is closed and the other phases have theirs.  All three without load
-go as those of a line that is opened do; but that one's breaker says so, or its load goes with the voltage.
+quiet while the closed pole carries current or the other phases have theirs.  (Where poles open one after the
+other, an open one's current is estimated for longer than its voltage.)  All three without load go as those
+of a line that is opened do; but that one's breaker says so, or its load goes with the voltage.
 The same holds of a voltage that has just gone while every current stays as it was.
 Loops with a phase that is not proven measure nothing.
 """
@@ -39,7 +40,7 @@ def prove(g: Record, q: Record) -> None:
         if size2(q.x[phase]) > max(floor, PART**2 * greatest):
             q.proven |= 1 << phase
             q.loaded = 0
-        elif gone and (size2(q.x[3 + phase]) > g.open_current**2 or (alone and (q.closed >> phase) & 1)):
+        elif gone and (q.closed >> phase) & 1 and (alone or size2(q.x[3 + phase]) > g.open_current**2):
             q.proven &= ~(1 << phase)
     if carries(g, q):
         q.loaded = 1

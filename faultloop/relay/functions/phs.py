@@ -30,7 +30,7 @@ from faultloop.relay import swing
 from faultloop.relay.currents import blocked_loops
 from faultloop.relay.functions.function import Function
 from faultloop.relay.loop_fit import pairs_alike
-from faultloop.relay.memory import A2, A, positive_sequence, size2, weight
+from faultloop.relay.memory import A2, A, current_limit2, positive_sequence, size2, weight
 from faultloop.relay.quantities import LOOPS, Record, indicate, sequences
 from faultloop.relay.voltages import loops_of
 
@@ -53,6 +53,14 @@ OWN_DROP = 0.2
 close in, the one behind is fed from the line's far end."""
 FALLS = 0.5
 """Cosine of the angle between a voltage's change and its fall."""
+LEAST_GROUND = 0.3
+"""Of the negative sequence: so much zero sequence tells the phase of a fault to ground ..."""
+AGREE = 0.866
+"""... within 30 degrees of that phase's negative sequence: their angle's cosine."""
+LOWEST = 0.8
+"""Of the other two phases' voltages: below it one is the faulted phase's, where a line that is energised
+takes as much charge as a weak source feeds the fault."""
+ALL_PHASES = 7
 LOOP_MASK = (0, 1, 2, 4, 8, 16, 32, 56)
 """Loops released by fault type."""
 TYPE_OF_PHASES = (0, 1, 2, 4, 3, 6, 5, 7)
@@ -83,7 +91,55 @@ def values(settings: RelaySettings, table: Phs) -> dict[str, Any]:
 
 
 @njit
-def classify(g: Record, c: Record, d: NDArray, change: NDArray) -> int:
+def is_energised(g: Record, q: Record) -> bool:
+    """Whether the line carried nothing before: what it takes now, load and charge, is in the change, too.
+    With a phase whose voltage is missing the sequences tell nothing."""
+    if q.proven != ALL_PHASES:
+        return False
+    limit, reference = current_limit2(g, q.memory.reference), q.memory.reference
+    return max(size2(reference[3]), size2(reference[4]), size2(reference[5])) < limit
+
+
+@njit
+def sequences_agree(g: Record, change: NDArray, phase: int) -> bool:
+    """Whether zero and negative sequence of this phase have one angle, as in its fault to ground, or in that
+    of the other two; in one of this phase and another they are 120 degrees apart, less the angle of a
+    resistance to ground, which makes the zero sequence small."""
+    turned = PHASE_TURN[phase].conjugate()
+    v2, i2 = turned * change[2], turned * change[5]
+    z2 = size2(g.z1)
+    zero, negative = size2(change[0]) + z2 * size2(change[3]), size2(v2) + z2 * size2(i2)
+    common = change[0] * v2.conjugate() + z2 * change[3] * i2.conjugate()
+    return zero > LEAST_GROUND**2 * negative and common.real > AGREE * abs(common)
+
+
+@njit
+def is_lowest(x: NDArray, phase: int) -> bool:
+    """Whether this phase's voltage is well below the others'."""
+    others = min(size2(x[(phase + 1) % 3]), size2(x[(phase + 2) % 3]))
+    return size2(x[phase]) < LOWEST**2 * others
+
+
+@njit
+def is_one_phase(
+    g: Record, q: Record, c: Record, change: NDArray, phase: int, pairs: tuple[float, float, float]
+) -> bool:
+    """By the squared changes of the ``pairs``: that of the healthy phases first, then those with this phase.
+
+    What a line takes that is energised is of positive sequence, and in the healthy pair's change alone.
+    Where the other two sequences, which have nothing of it, agree, that need be no more than the least, or
+    this phase's voltage the lowest.
+    """
+    healthy, least = pairs[0], min(pairs[1], pairs[2])
+    if healthy < c.single_phase**2 * least:
+        return True
+    if not (is_energised(g, q) and sequences_agree(g, change, phase)):
+        return False
+    return healthy < least or is_lowest(q.x, phase)
+
+
+@njit
+def classify(g: Record, q: Record, c: Record, d: NDArray, change: NDArray) -> int:
     """Fault type 1 .. 7 from the change of the phasors."""
     z2 = size2(g.z1)
     ab = size2(d[0] - d[1]) + z2 * size2(d[3] - d[4])
@@ -96,12 +152,11 @@ def classify(g: Record, c: Record, d: NDArray, change: NDArray) -> int:
     if negative < limit and zero < limit:
         return 7
     if zero > 0.01 * positive:  # a tenth: there is ground in it, so it may be one phase
-        limit = c.single_phase**2
-        if bc < limit * min(ab, ca):
+        if is_one_phase(g, q, c, change, 0, (bc, ab, ca)):
             return 1
-        if ca < limit * min(ab, bc):
+        if is_one_phase(g, q, c, change, 1, (ca, ab, bc)):
             return 2
-        if ab < limit * min(bc, ca):
+        if is_one_phase(g, q, c, change, 2, (ab, bc, ca)):
             return 3
     if ab >= bc and ab >= ca:
         return 4
@@ -115,7 +170,7 @@ def classify_without_load(g: Record, q: Record, c: Record) -> int:
     for k in range(3):
         d[k], d[3 + k] = q.d[k], q.x[3 + k]
         change[k], change[3 + k] = q.change[k], q.sequence[3 + k]
-    return classify(g, c, d, change)
+    return classify(g, q, c, d, change)
 
 
 @njit
@@ -190,7 +245,7 @@ def watch_second(g: Record, q: Record, c: Record, w: Record) -> None:
             w.first, w.first_side = w.fault, q.direction
         return
     sequences(s.d, q.work)
-    candidate = classify(g, c, s.d, q.work)
+    candidate = classify(g, q, c, s.d, q.work)
     if candidate != w.again:
         w.again = candidate
         w.again_count = 0
@@ -264,7 +319,7 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     as a loop on the line still measures its own.  What looks like that waits for up to a cycle, or zone 1
     would have tripped for both before.
     """
-    candidate = classify(g, c, q.d, q.change)
+    candidate = classify(g, q, c, q.d, q.change)
     settled = w.fault != 0 and q.memory.age >= 2 * g.cycle
     if settled and candidate != w.fault and classify_without_load(g, q, c) == w.fault:
         candidate = w.fault

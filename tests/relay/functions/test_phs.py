@@ -38,6 +38,34 @@ def test_every_type_is_told(network: str, kind: str) -> None:
         assert released == ({"AB", "BC", "CA"} if wanted == "ABC" else {wanted})
 
 
+@pytest.mark.parametrize("pair", ["AB", "BC", "CA"])
+@pytest.mark.parametrize("ground", [0.0, 3.0, 10.0, 30.0, 100.0])
+@pytest.mark.parametrize("network", NETWORKS)
+def test_two_phases_to_ground_are_never_one(network: str, ground: float, pair: str) -> None:
+    """A resistance to ground turns the zero sequence towards that of another phase's fault."""
+    for at in (-0.5, 0.05, 0.5, 0.95):
+        k = disturbed(NETWORKS[network], f"{pair}G", at, ground=ground)
+        k.step(count=SIXTEENTH)
+        assert FAULTS[int(k.q["fault"])] == pair, at
+
+
+@pytest.mark.parametrize("phase", range(3))
+@pytest.mark.parametrize("charge", [0.0, 0.2, 0.4, 0.6])
+def test_a_line_that_is_energised_takes_its_charge_in_the_healthy_phases(phase: int, charge: float) -> None:
+    """Before: two phases from a quarter of the fault's change on."""
+    network = NETWORKS["weak"]
+    before, now = network.solve(), network.solve(f"{'ABC'[phase]}G", 0.6)
+    before[3:] = 0.0
+    taken = 1j * charge * max(abs(now[3:])) * before[:3] / abs(before[:3])
+    now[3:] += taken
+    now[:3] -= network.zs1 * taken
+    k = Kernel(PHS, {})
+    k.disturb(before, now)
+    k.q["memory"]["drift"], k.q["memory"]["moving"] = 0.0, 1
+    k.step(count=SIXTEENTH)
+    assert FAULTS[int(k.q["fault"])] == f"{'ABC'[phase]}G"
+
+
 def test_a_type_must_stand_for_a_sixteenth_of_a_cycle_or_half_a_cycle_while_it_moves() -> None:
     k = disturbed(NETWORKS["strong"], "AG")
     k.step(count=SIXTEENTH - 1)

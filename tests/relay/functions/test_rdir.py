@@ -54,6 +54,26 @@ def test_the_energy_decides_from_the_first_sample(said: int) -> None:
     assert k.q["direction"] == said
 
 
+@pytest.mark.parametrize("given", [1, -1])
+def test_the_side_on_which_the_energy_has_not_been_must_stand_still_for_a_cycle(given: int) -> None:
+    """A current transformer that saturates gives back what it let through and leaves a current that leads."""
+    k = fault(NETWORKS["strong"], "AG", -0.5 * given)
+    k.q["energy"]["given"] = given  # and has lost its sign
+    k.step(count=CYCLE - 1)
+    assert k.q["direction"] == 0
+    k.q["memory"]["drift"] = float("inf")
+    k.step()
+    k.q["memory"]["drift"] = 0.0
+    k.step(count=CYCLE - 1)
+    assert k.q["direction"] == 0
+    k.step()
+    assert k.q["direction"] == -given
+    k = fault(NETWORKS["strong"], "AG", 0.5 * given)
+    k.q["energy"]["given"] = given
+    k.step(count=SIXTEENTH)
+    assert k.q["direction"] == given
+
+
 def test_it_is_given_up_after_a_cycle_of_something_else_that_stands_still() -> None:
     k = fault(NETWORKS["strong"], "AG", 0.5, 2 * CYCLE)
     k.q["energy"]["direction"] = -1

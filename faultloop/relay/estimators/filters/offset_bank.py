@@ -19,6 +19,7 @@ from faultloop.relay.estimators.disturbance import (
     FLOOR,
     FREQUENCY_HZ,
     HEADER,
+    RENEWALS,
     SAMPLING_HZ,
     WAVES,
     WAVES_AT_RENEWAL,
@@ -69,6 +70,10 @@ COHERENCE = 0.95  # of the voltages with those a cycle ago, squared: below it th
 # Squared peaks over the noise's variance: a dead line's noise has no frequency (it has 0.06).
 LEAST_SIGNAL = 4.0
 FREQUENCY_GAIN = 0.5  # per cycle
+# The first turn is that of the second cycle after the start, and of the third after a disturbance: a voltage
+# that falls to a few percent of what it was still has a quarter of its own in error after one cycle, whose
+# turn was taken for 0.4 Hz, and turned the phasors by 2.5 degrees.
+FIRST_LEARNED, LEARNED = 2.0, 3.0
 FREQUENCY_RANGE = 0.1  # of the nominal
 
 
@@ -389,7 +394,8 @@ def follow_frequency(state: Array) -> None:
         im += b * p - a * q
         now += a * a + b * b
         then += p * p + q * q
-    if state[AGE] < 2.0 * cycle or re <= 0.0 or now < LEAST_SIGNAL * noise:
+    least = LEARNED if state[RENEWALS] > 1.0 else FIRST_LEARNED
+    if cycles < least or re <= 0.0 or now < LEAST_SIGNAL * noise:
         return
     # Divided, not multiplied out: the fourth power of a large sample is infinite.
     if (re / now) * (re / then) + (im / now) * (im / then) < COHERENCE:
