@@ -63,7 +63,8 @@ def main() -> None:
     assert done.returncode in (0, 3), "the suite did not end"
     rows = []
     for report in json.loads(done.stdout)["reports"]:
-        name = ["suite", given.suite, report["name"], *(["--quick"] if given.quick else [])]
+        part = report["name"].removeprefix(f"{given.suite}-")
+        name = ["suite", given.suite, part, *(["--quick"] if given.quick else [])]
         rows.append(
             row(SECTIONS[given.suite], report["title"], f"faultloop {' '.join(name)}", figure(report))
         )

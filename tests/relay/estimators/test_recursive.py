@@ -184,7 +184,7 @@ def test_impossible_parameters_are_refused():
 
 
 def test_what_is_left_of_a_voltage_before_is_not_taken_for_a_frequency():
-    """A three-phase fault behind a source of 15 times the line: the voltages fall to 7 %, with offsets in them.
+    """A three-phase fault behind a source of 15 times the line: the voltages fall to 7 %, with offsets.
     Before: a frequency of 0.4 Hz beside the true one, and phasors 2.5 degrees ahead for cycles."""
     fs, fault, tau = 4800, 600, 0.012
     k = np.arange(3 * fault)
