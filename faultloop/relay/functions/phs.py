@@ -32,7 +32,7 @@ from faultloop.relay.functions.function import Function
 from faultloop.relay.loop_fit import pairs_alike
 from faultloop.relay.memory import A2, A, current_limit2, positive_sequence, size2, weight
 from faultloop.relay.quantities import LOOPS, Record, indicate, sequences
-from faultloop.relay.voltages import loops_of
+from faultloop.relay.voltages import ALL_PHASES, loops_of
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -60,7 +60,6 @@ AGREE = 0.866
 LOWEST = 0.8
 """Of the other two phases' voltages: below it one is the faulted phase's, where a line that is energised
 takes as much charge as a weak source feeds the fault."""
-ALL_PHASES = 7
 LOOP_MASK = (0, 1, 2, 4, 8, 16, 32, 56)
 """Loops released by fault type."""
 TYPE_OF_PHASES = (0, 1, 2, 4, 3, 6, 5, 7)

@@ -316,9 +316,8 @@ def decide(g: Record, q: Record, c: Record, w: Record) -> None:
     there is none until it has stood for a cycle: a current transformer that saturates in either half of a
     cycle gives back what it has let through, and leaves a current that leads by up to a right angle (2 of
     3,024 faults ahead started the reverse zone; part ct-saturation of the distance suite).  A line beside a
-    faulted one of 256 km rang by
-    14 times what the fault changed in it; its energy had lost its sign, and zone 1 started (seed 80001 of
-    bench/security.py, network 1944, fault 22, end 1).
+    faulted one of 256 km rang by 14 times what the fault changed in it; its energy had lost its sign, and
+    zone 1 started (seed 80001 of bench/security.py, network 1944, fault 22, end 1).
     """
     q.polarizing = polarizing_voltage(g, q)
     if q.dead == ALL_POLES:  # an open line has no direction

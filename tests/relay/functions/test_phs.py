@@ -41,10 +41,16 @@ def test_every_type_is_told(network: str, kind: str) -> None:
 @pytest.mark.parametrize("pair", ["AB", "BC", "CA"])
 @pytest.mark.parametrize("ground", [0.0, 3.0, 10.0, 30.0, 100.0])
 @pytest.mark.parametrize("network", NETWORKS)
-def test_two_phases_to_ground_are_never_one(network: str, ground: float, pair: str) -> None:
+@pytest.mark.parametrize("energised", [False, True])
+def test_two_phases_to_ground_are_never_one(network: str, ground: float, pair: str, energised: bool) -> None:
     """A resistance to ground turns the zero sequence towards that of another phase's fault."""
     for at in (-0.5, 0.05, 0.5, 0.95):
-        k = disturbed(NETWORKS[network], f"{pair}G", at, ground=ground)
+        before = NETWORKS[network].solve()
+        if energised:
+            before[3:] = 0.0
+        k = Kernel(PHS, {})
+        k.disturb(before, NETWORKS[network].solve(f"{pair}G", at, ground=ground))
+        k.q["memory"]["drift"], k.q["memory"]["moving"] = 0.0, 1
         k.step(count=SIXTEENTH)
         assert FAULTS[int(k.q["fault"])] == pair, at
 
