@@ -98,16 +98,19 @@ def others(case: dict, z1: float, resistive: float) -> dict:
     }
 
 
-def settings(case: dict, method: str, vt: str = "ideal", functions: bool = False) -> RelaySettings:
+def settings(
+    case: dict, method: str, vt: str = "ideal", functions: bool = False, charged: bool = True
+) -> RelaySettings:
     line, length = case["line"], case["length"]
     z1 = [line["r1_ohm_per_km"] * length, line["x1_ohm_per_km"] * length]
     z0 = [line["r0_ohm_per_km"] * length, line["x0_ohm_per_km"] * length]
+    charging = {f"b{n}_us": line.get(f"b{n}_us_per_km", 0.0) * length for n in (1, 0)}
     resistive = float(np.clip(np.hypot(*z1), 2, 40))
     return RelaySettings.from_dict(
         {
             "relay": {"frequency_hz": case["f0"], "nominal_kv": case["kv"]},
             "estimator": {"method": method, "unsafe": True},
-            "line": {"z1_ohm": z1, "z0_ohm": z0},
+            "line": {"z1_ohm": z1, "z0_ohm": z0} | (charging if charged and charging["b1_us"] else {}),
             "vt": {} if vt == "unknown" else {"kind": vt},
             "pdis": [
                 {"zone": 1, "reach_pu": 0.8},

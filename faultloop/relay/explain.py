@@ -18,8 +18,6 @@ from faultloop.relay.characteristics import (
     QUAD,
     loop_current,
     loop_voltage,
-    mho_depth,
-    quad_depth,
     quad_measures,
 )
 from faultloop.relay.functions.lphd import cause
@@ -27,7 +25,7 @@ from faultloop.relay.functions.pdis import delay, doubt
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 from faultloop.relay.voltages import loops_of
-from faultloop.relay.zone_depth import ALONE, PHASORS_BEHIND, zone_depth
+from faultloop.relay.zone_depth import ALONE, PHASORS_BEHIND, by_characteristic, zone_depth
 
 SHARED = np.dtype(
     [
@@ -94,9 +92,7 @@ def measures(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, 
     if not size2(i) > 0.0:
         return np.nan, np.nan, np.nan
     x, r = quad_measures(g, q, c, loop, v, i, c.tilt)
-    if c.characteristic <= OFFSET:
-        return mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i), x, r
-    return quad_depth(g, q, c, loop, v, i), x, r
+    return by_characteristic(g, q, c, loop, v, i), x, r
 
 
 @njit

@@ -70,6 +70,8 @@ CONSTANTS = np.dtype(
         ("rotor", "c16"),  # e^(j w0 t) from a sample to the next
         ("z1", "c16"),  # of the line [ohm]
         ("z0", "c16"),
+        ("b1", "f8"),  # of the line [S]; 0: not told
+        ("b0", "f8"),
         ("mutual", "c16"),  # z0m / (3 z1) with the parallel line; 0: not compensated
         ("mutual_in_time", "f8"),  # z0m / (z0 - z1), of which the small imaginary part is left out
         ("minimum_voltage", "f8"),  # phase to ground; below it a line is dead [V]
@@ -215,6 +217,8 @@ def constants(settings: RelaySettings, settling_samples: int) -> dict[str, Any]:
         "rotor": cmath.rect(1.0, 2 * math.pi / cycle),
         "z1": settings.z1_ohm,
         "z0": settings.z0_ohm,
+        "b1": (settings.line.b1_us or 0.0) * 1e-6,
+        "b0": (settings.line.b0_us or 0.0) * 1e-6,
         "mutual": settings.z0m_ohm / (3 * settings.z1_ohm),
         "mutual_in_time": _mutual_in_time(settings),
         "minimum_voltage": _minimum_voltage(settings),

@@ -53,6 +53,10 @@ class Header(Table):
         return self
 
 
+LONGEST_LINE = 1.0
+"""|z1| b1 of a line: 700 km at 50 Hz."""
+
+
 class EstimatorSettings(Table):
     """``[estimator]``: the method, and whatever parameters that method has."""
 
@@ -100,6 +104,12 @@ class LineSettings(Table):
     z0m_ohm: ComplexOhm | None = None
     """Zero-sequence mutual impedance with the parallel line over the whole length, [r, x].  With it, and with
     the parallel line's residual current (``parallel`` of the relay's place), ground loops are compensated."""
+    b1_us: Positive | None = None
+    """Positive-sequence susceptance of the whole line, primary whatever ``ohms`` says.  With it forward zones
+    that end on the line start only where the line's equations with its charging say so, too: for lines of
+    200 km and more."""
+    b0_us: Positive | None = None
+    """The same of the zero sequence; both or neither."""
     length_km: Positive | None = None
     """With it a fault's location is told in km, too."""
 
@@ -115,6 +125,16 @@ class LineSettings(Table):
                 raise ValueError(f"z0m_ohm {must}, not [{r:g}, {x:g}]")
             if self.z0_ohm[1] <= self.z1_ohm[1]:
                 raise ValueError("z0m_ohm needs a z0_ohm above z1_ohm")
+        return self
+
+    @model_validator(mode="after")
+    def _charging(self) -> LineSettings:
+        if self.b1_us is None and self.b0_us is None:
+            return self
+        if self.b1_us is None or self.b0_us is None:
+            raise ValueError("give b1_us and b0_us, or neither")
+        if self.b0_us > self.b1_us:
+            raise ValueError(f"b0_us must be at most b1_us, {self.b1_us:g}, not {self.b0_us:g}")
         return self
 
 
@@ -256,6 +276,10 @@ def _check(settings: RelaySettings, path: Path | None) -> None:
     if reason is not None and settings.pdis and not settings.estimator.unsafe:
         what = f"'{method}' is none for distance zones: {reason}; take 'kalman-bank', or say unsafe = true"
         raise InputError(what, file=path, key="estimator.method")
+    if settings.line.b1_us is not None and abs(settings.z1_ohm) * settings.line.b1_us > LONGEST_LINE * 1e6:
+        longest = LONGEST_LINE * 1e6 / abs(settings.z1_ohm)
+        what = f"must be below {longest:.3g} beside this z1_ohm: the whole line's, primary microsiemens"
+        raise InputError(what, file=path, key="line.b1_us")
     if settings.vt.circuit is not None:
         what = what_mistunes(settings.vt.circuit, settings.vt.burden_va, settings.relay.frequency_hz)
         if what is not None:

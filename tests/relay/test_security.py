@@ -121,9 +121,12 @@ def _cases() -> ModuleType:
     return load("bench/security_cases.py")
 
 
-def relay_with(head: dict[str, Any], z1: list[float], z0: list[float], zones: list[dict[str, Any]]) -> Relay:
+def relay_with(
+    head: dict[str, Any], z1: list[float], z0: list[float], zones: list[dict[str, Any]], **line: float
+) -> Relay:
     """With an ideal transformer."""
-    settings = {"relay": head, "vt": {"kind": "ideal"}, "line": {"z1_ohm": z1, "z0_ohm": z0}, "pdis": zones}
+    line_of = {"z1_ohm": z1, "z0_ohm": z0} | line
+    settings = {"relay": head, "vt": {"kind": "ideal"}, "line": line_of, "pdis": zones}
     return Relay(RelaySettings.from_dict(settings))
 
 
@@ -157,19 +160,21 @@ def test_drawn_networks() -> None:
 
 
 def drawn_fault(
-    seed: int, number: int, fault: int, end: int, order: int = 2
-) -> tuple[Relay, np.ndarray, tuple[str, bool]]:
+    seed: int, number: int, fault: int, end: int, order: int = 2, *, kind: str = "mixed",
+    after_ms: float = 50.0, charged: bool = False,
+) -> tuple[Relay, np.ndarray, tuple[str, bool]]:  # fmt: skip
     """A case of bench/security.py as one of its relays sees it, to 50 ms after the fault; where the fault is,
-    and whether bolted."""
+    and whether bolted.  ``charged``: the relay is told of the line's capacitance."""
     cases = _cases()
-    case = cases.another(cases.draw(seed, number, "mixed"), fault)
+    case = cases.another(cases.draw(seed, number, kind), fault)
     samples, start = cases.record(case, 1500.0, order)
     line, length = case["line"], case["length"]
     z1, z0 = ([line[f"{part}{n}_ohm_per_km"] * length for part in "rx"] for n in (1, 0))
     head = {"frequency_hz": case["f0"], "nominal_kv": case["kv"]}
     seen = cases.view(case, end)
-    relay = relay_with(head, z1, z0, [{"zone": 1, "reach_pu": 0.8}])
-    return relay, samples[end][: start + 240], (seen.where, seen.bolted)
+    charging = {f"b{n}_us": line[f"b{n}_us_per_km"] * length for n in (1, 0) if charged}
+    relay = relay_with(head, z1, z0, [{"zone": 1, "reach_pu": 0.8}], **charging)
+    return relay, samples[end][: start + round(4.8 * after_ms)], (seen.where, seen.bolted)
 
 
 @pytest.mark.parametrize(("number", "fault", "end"), [(4, 25, 1), (152, 19, 1), (630, 33, 0)])
@@ -200,6 +205,32 @@ def test_a_line_beside_the_faulted_one_whose_current_rings_through_zero(
     relay, samples, seen = drawn_fault(91001, number, fault, end, order=4)
     assert seen == ("parallel", True)
     assert not picked_up(relay, samples)
+
+
+@pytest.mark.parametrize(("number", "fault", "end"), [(225, 0, 0), (1815, 19, 1)])
+def test_a_depth_behind_the_relay_makes_up_for_nothing_of_what_the_fit_leaves(
+    number: int, fault: int, end: int
+) -> None:
+    """Beyond a line of 397 km, and on the one beside it of 209 km: m of the fit is -0.3, as deep as the fault
+    may look behind for what is left, 0.3 (before: zone 1 after 12.6 and 10.2 ms)."""
+    relay, samples, seen = drawn_fault(97002, number, fault, end, order=4, kind="long")
+    assert seen == (("beyond", "parallel")[number == 1815], True)
+    assert not picked_up(relay, samples)
+
+
+@pytest.mark.parametrize(
+    ("number", "fault", "end"), [(155, 18, 1), (893, 28, 1), (1708, 16, 0), (1901, 33, 1), (2104, 7, 0)]
+)
+def test_a_ground_fault_at_the_far_bus_that_the_line_s_charging_brings_near(
+    number: int, fault: int, end: int
+) -> None:
+    """Lines of 240 to 395 km at 60 Hz, two beside each other: by R and X they are at 0.36 to 0.78 of the line
+    and stay there (bench/long_line_reach.py's closed form); by the line's equations where they are."""
+    drawn = {"order": 4, "kind": "long", "after_ms": 180.0}
+    relay, samples, _ = drawn_fault(97002, number, fault, end, **drawn, charged=True)
+    assert not picked_up(relay, samples)
+    relay, samples, _ = drawn_fault(97002, number, fault, end, **drawn)
+    assert picked_up(relay, samples), "no longer by R and X: docs/relay.md says so"
 
 
 # ---------------------------------------------------------------- the fit of the loop

@@ -128,6 +128,7 @@ def values(settings: RelaySettings, table: Pdis) -> dict[str, Any]:
         "minimum_current": settings.amperes(table.minimum_current_a, DEFAULT_CURRENT_A),
         "minimum_residual": settings.amperes(table.minimum_residual_current_a, DEFAULT_CURRENT_A),
         "security": table.security_cycles * settings.relay.sampling_hz / settings.relay.frequency_hz,
+        "charged": charged_part(settings, table),
         "trips": trips is None or table.zone in trips,
         "pilot": table.zone == settings.ptrc.pilot_zone,
     }
@@ -153,6 +154,13 @@ def reach_ohm(settings: RelaySettings, zone: Pdis) -> complex:
         size = float(zone.reach_ohm or 0.0) * settings.ohm_ratio
     angle = cmath.phase(settings.z1_ohm) if zone.angle_deg is None else math.radians(zone.angle_deg)
     return cmath.rect(size, angle)
+
+
+def charged_part(settings: RelaySettings, zone: Pdis) -> float:
+    """The reach as a part of the line where its charging counts: a forward zone that ends on it; else 0."""
+    part = abs(reach_ohm(settings, zone)) / abs(settings.z1_ohm)
+    told = settings.line.b1_us is not None
+    return part if told and zone.direction == "forward" and part < 1 else 0.0
 
 
 @njit
@@ -350,6 +358,7 @@ PDIS = Function(
         ("delay_ground", "i8"),
         ("minimum_current", "f8"),
         ("minimum_residual", "f8"),
+        ("charged", "f8"),  # the reach as a part of the line whose charging counts; 0: it does not
         ("security", "f8"),  # what the security counter must reach
         ("trips", "i8"),
         ("pilot", "i8"),

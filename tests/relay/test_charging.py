@@ -1,0 +1,157 @@
+"""A line's charging in the depth of a zone that ends on it, against the exact equations of a long line."""
+
+from __future__ import annotations
+
+import cmath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from faultloop.errors import InputError
+from faultloop.relay import Relay, RelaySettings
+from faultloop.relay.charging import charging_voltage
+from faultloop.relay.functions.pdis import PDIS, charged_part
+from faultloop.relay.relay import records_of
+from faultloop.relay.zone_depth import CHARGING, by_characteristic
+from tests.relay.functions.kernel import Kernel
+
+TURN = np.exp(-2j * np.pi / 3 * np.arange(3))
+PHASES = np.column_stack([TURN**0, TURN, TURN**2])  # phases of zero, positive and negative sequence
+LOOPS = {"AG": 0, "BG": 1, "CG": 2, "AB": 3, "BC": 4, "CA": 5}
+LINE = {"z1_ohm": [12.0, 120.0], "z0_ohm": [80.0, 380.0]}
+CHARGED = LINE | {"b1_us": 2200.0, "b0_us": 1300.0}
+"""400 km at 60 Hz: theta^2 is -0.26 and -0.5."""
+SHAPES: dict[str, dict[str, Any]] = {
+    "mho": {},
+    "quad": {"characteristic": "quad", "resistive_reach_ohm": 40.0},
+}
+
+
+def sequences(part: float, turn: float = 1.0) -> list[tuple[complex, complex]]:
+    """Z and Y of the zero, positive and negative sequence of a part of the line."""
+    found = []
+    for n in (0, 1, 1):
+        r, x = CHARGED[f"z{n}_ohm"]
+        found.append((part * complex(r, turn * x), part * complex(0.0, turn * CHARGED[f"b{n}_us"] * 1e-6)))
+    return found
+
+
+def at_the_relay(v: np.ndarray, i: np.ndarray, part: float, turn: float = 1.0) -> np.ndarray:
+    """va vb vc ia ib ic of sequence quantities (0, 1, 2) at ``part`` of the line, current towards it."""
+    own = np.empty((2, 3), complex)
+    for n, (z, y) in enumerate(sequences(part, turn)):
+        theta, surge = cmath.sqrt(z * y), cmath.sqrt(z / y)
+        own[0, n] = v[n] * cmath.cosh(theta) + i[n] * surge * cmath.sinh(theta)
+        own[1, n] = v[n] / surge * cmath.sinh(theta) + i[n] * cmath.cosh(theta)
+    return np.concatenate([PHASES @ own[0], PHASES @ own[1]])
+
+
+def drawn(kind: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Sequence voltages and currents at a bolted fault, whatever the network on both sides: in its loop there
+    is no voltage."""
+    phases = rng.normal(scale=100e3, size=3) + 1j * rng.normal(scale=100e3, size=3)
+    if kind.endswith("G"):
+        phases["ABC".index(kind[0])] = 0.0
+    else:
+        phases["ABC".index(kind[1])] = phases["ABC".index(kind[0])]
+    i = rng.normal(scale=800.0, size=3) + 1j * rng.normal(scale=800.0, size=3)
+    return np.linalg.solve(PHASES, phases), i
+
+
+@pytest.mark.parametrize("kind", LOOPS)
+def test_at_the_reach_a_bolted_fault_has_no_voltage_whatever_the_network(kind: str) -> None:
+    rng, loop = np.random.default_rng(5), LOOPS[kind]
+    for part in (0.3, 0.8, 0.95):
+        for turn in (0.9, 1.0, 1.1):
+            k = Kernel(PDIS, {"zone": 1, "reach_pu": part}, line=CHARGED)
+            k.q["memory"]["frequency"] = 50.0 * turn
+            x = k.q["x"][:] = at_the_relay(*drawn(kind, rng), part, turn)
+            z1, k0 = complex(*LINE["z1_ohm"]), k.c["k0"]
+            if loop < 3:
+                v, i0 = x[loop], x[3:].sum() / 3
+                z0 = complex(*LINE["z0_ohm"])
+                drop = part * sum(complex(z.real, turn * z.imag) * i
+                                  for z, i in ((z1, x[3 + loop] - i0), (z0, i0)))  # fmt: skip
+                assert k0 == pytest.approx((z0 - z1) / (3 * z1))
+            else:
+                first, second = "ABC".index(kind[0]), "ABC".index(kind[1])
+                v, i = x[first] - x[second], x[3 + first] - x[3 + second]
+                drop = part * complex(z1.real, turn * z1.imag) * i
+            assert abs(v + charging_voltage(k.g, k.q, part, loop) - drop) < 1e-6 * abs(x[:3]).max()
+            assert abs(v - drop) > 1e-4 * abs(x[:3]).max()  # and without it has
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_no_bolted_fault_at_the_reach_is_inside_whatever_the_network(shape: str) -> None:
+    """Behind weak sources many are where the charging is not told, down to a half of the reach."""
+    rng, lowest, inside = np.random.default_rng(7), np.inf, 0
+    for _ in range(300):
+        v, i = drawn("AG", rng)
+        found = {}
+        for name, line in (("charged", CHARGED), ("not told", LINE)):
+            k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8} | SHAPES[shape], line=line)
+            x = k.q["x"][:] = at_the_relay(v, 0.3 * i, 0.8)
+            k.q["sequence"][:] = np.concatenate(
+                [np.linalg.solve(PHASES, x[:3]), np.linalg.solve(PHASES, x[3:])]
+            )
+            k.q["polarizing"] = k.q["sequence"][1]
+            found[name] = by_characteristic(k.g, k.q, k.c, 0, x[0], x[3] + k.c["k0"] * x[3:].sum())
+        plain, told = found["not told"], found["charged"]
+        if -0.15 < plain < 1.0:
+            # With no voltage there m is 1, whatever polarizes, and what was added counts CHARGING times.
+            inside, lowest = inside + 1, min(lowest, plain)
+            assert told >= (plain + CHARGING * (1.0 - plain)) * (1 - 1e-6) > 1.0
+        elif plain >= 1.0:
+            assert told == plain
+    assert inside > 20 and lowest < 0.6
+
+
+def test_it_takes_nothing_off() -> None:
+    """Where the charging makes a fault look farther (a three-phase one always) a zone stays as it is."""
+    k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8}, line=CHARGED)
+    x = k.q["x"][:] = at_the_relay(np.zeros(3, complex), np.array([0.0, 900.0 - 300j, 0.0]), 0.78)
+    k.q["polarizing"] = x[0]
+    told = by_characteristic(k.g, k.q, k.c, 3, x[0] - x[1], x[3] - x[4])
+    k.c["charged"] = 0.0
+    assert told == by_characteristic(k.g, k.q, k.c, 3, x[0] - x[1], x[3] - x[4])
+    assert told > 0.78 / 0.8
+
+
+def test_zones_that_end_on_the_line_have_it() -> None:
+    data = {"relay": {"frequency_hz": 50}, "line": CHARGED}
+    zones = ({"reach_pu": 0.8}, {"reach_ohm": 60.0}, {"reach_pu": 1.2},
+             {"reach_pu": 0.5, "direction": "reverse"}, {"reach_pu": 0.5, "direction": "none"})  # fmt: skip
+    told = RelaySettings.from_dict(data | {"pdis": [{"zone": 1, "delay_ms": 500.0} | zone for zone in zones]})
+    parts = [charged_part(told, zone) for zone in told.pdis]
+    assert parts == pytest.approx([0.8, 60.0 / abs(complex(*LINE["z1_ohm"])), 0.0, 0.0, 0.0])
+    plain = RelaySettings.from_dict(data | {"line": LINE, "pdis": [{"zone": 1, "reach_pu": 0.8}]})
+    assert charged_part(plain, plain.pdis[0]) == 0.0
+
+
+def test_susceptances_are_primary_where_ohms_are_secondary() -> None:
+    head = {"frequency_hz": 50, "ohms": "secondary", "ct_ratio": 240, "vt_ratio": 2000}
+    own = {key: [v * 240 / 2000 for v in z] for key, z in LINE.items()} | {"b1_us": 2200.0, "b0_us": 1300.0}
+    relay = Relay(
+        RelaySettings.from_dict({"relay": head, "line": own, "pdis": [{"zone": 1, "reach_pu": 0.8}]})
+    )
+    constants = records_of(relay)[0][0]
+    assert (constants["shared"]["b1"], constants["shared"]["b0"]) == pytest.approx((2.2e-3, 1.3e-3))
+    assert constants["pdis"][0]["charged"] == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize(
+    ("given", "key", "said"),
+    [
+        ({"b1_us": 2200.0}, "line", "b1_us and b0_us, or neither"),
+        ({"b0_us": 2200.0}, "line", "b1_us and b0_us, or neither"),
+        ({"b1_us": 1300.0, "b0_us": 2200.0}, "line", "at most b1_us, 1300"),
+        ({"b1_us": -1.0, "b0_us": 1.0}, "line.b1_us", "greater than 0"),
+        ({"b1_us": 0.0, "b0_us": 0.0}, "line.b1_us", "greater than 0"),
+        ({"b1_us": 22000.0, "b0_us": 13000.0}, "line.b1_us", "must be below 8.29e+03"),
+    ],
+)
+def test_susceptances_that_are_none(given: dict[str, float], key: str, said: str) -> None:
+    with pytest.raises(InputError) as error:
+        RelaySettings.from_dict({"relay": {"frequency_hz": 50}, "line": LINE | given})
+    assert (error.value.key, said in error.value.what) == (key, True), error.value
