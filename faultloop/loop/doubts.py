@@ -135,9 +135,13 @@ def _units(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> It
     for key, own, there in (
         ("line.z1_ohm", settings.z1_ohm / unit, line.z1_ohm / unit),
         ("line.z0_ohm", settings.z0_ohm / unit, line.z0_ohm / unit),
+        ("line.b1_us", settings.line.b1_us, line.b1_us_per_km * line.length_km),
+        ("line.b0_us", settings.line.b0_us, line.b0_us_per_km * line.length_km),
         ("relay.nominal_kv", settings.relay.nominal_kv, scenario.system.base_kv),
     ):
-        if own is not None and not 1 / ALIKE <= abs(own) / abs(there) <= ALIKE:
+        if own is not None and there == 0:
+            yield Doubt(key, f"{own:g}, where the scenario's line has none; leave it out")
+        elif own is not None and not 1 / ALIKE <= abs(own) / abs(there) <= ALIKE:
             given = f"{own:.4g}, of {abs(own):.4g} in size," if isinstance(own, complex) else f"{own:g}"
             what = f"{given} is {abs(own) / abs(there):.3g} of what the scenario has, {abs(there):.4g}"
             yield Doubt(key, f"{what}; see the unit, and relay.ohms")

@@ -71,6 +71,11 @@ def doubts(tables: dict[str, Any], *overrides: str, **changes: Any) -> list[str]
             {},
             "line.z1_ohm: 0.06+0.4j, of 0.4045 in size, is 0.01 of what the scenario has, 40.45",
         ),
+        (
+            {"line": OWN["line"] | {"b1_us": 2.8, "b0_us": 1.8}},
+            {},
+            ("line.b1_us: 2.8 is 0.01 of what the scenario has, 280", "line.b0_us: 1.8 is 0.01 of what"),
+        ),
         ({"pioc": [{"pickup_a": 200.0}]}, {}, "pioc[1].pickup_a: 200 is below the load"),
         ({"ptoc": [{"pickup_a": 200.0}]}, {}, "ptoc[1].pickup_a: 200 is below the load"),
         ({"ptuv": [{"start_v": 180e3}]}, {}, "ptuv[1].start_v: 180000 is above what the run begins with"),
@@ -83,10 +88,21 @@ def doubts(tables: dict[str, Any], *overrides: str, **changes: Any) -> list[str]
     ],
 )
 def test_what_does_not_go_together_is_told(
-    tables: dict[str, Any], changes: dict[str, Any], told: str
+    tables: dict[str, Any], changes: dict[str, Any], told: str | tuple[str, ...]
 ) -> None:
-    (text,) = doubts(tables, **changes)
-    assert text.startswith(told)
+    expected = (told,) if isinstance(told, str) else told
+    found = doubts(tables, **changes)
+    assert len(found) == len(expected)
+    assert all(text.startswith(one) for text, one in zip(found, expected, strict=True)), found
+
+
+def test_a_charging_where_the_scenario_s_line_has_none() -> None:
+    line = OWN["line"] | {"b1_us": 280.0, "b0_us": 180.0}
+    assert doubts({"line": line}) == []
+    none = [f"line.AB.{key}" for key in ("b1_us_per_km=0", "b0_us_per_km=0", 'model="rl"')]
+    found = doubts({"line": line}, *none)
+    assert found[0] == "line.b1_us: 280, where the scenario's line has none; leave it out"
+    assert len(found) == 2
 
 
 def test_what_goes_together_is_not() -> None:

@@ -11,6 +11,7 @@ import pytest
 from faultloop.errors import InputError
 from faultloop.relay import Relay, RelaySettings
 from faultloop.relay.charging import charging_voltage
+from faultloop.relay.functions.pdif import PDIF, agreement
 from faultloop.relay.functions.pdis import PDIS, charged_part
 from faultloop.relay.relay import records_of
 from faultloop.relay.zone_depth import CHARGING, by_characteristic
@@ -138,6 +139,18 @@ def test_susceptances_are_primary_where_ohms_are_secondary() -> None:
     constants = records_of(relay)[0][0]
     assert (constants["shared"]["b1"], constants["shared"]["b0"]) == pytest.approx((2.2e-3, 1.3e-3))
     assert constants["pdis"][0]["charged"] == pytest.approx(0.8)
+
+
+def test_the_differential_takes_that_of_the_line_where_it_has_none_of_its_own() -> None:
+    pdif = {"pickup_a": 200.0}
+    own = {"relay": {"frequency_hz": 50}, "line": LINE, "pdif": pdif | {"b1_us": 2200.0, "b0_us": 1300.0}}
+    line = own | {"line": CHARGED, "pdif": pdif}
+    none = own | {"line": CHARGED, "pdif": pdif | {"b1_us": 0.0, "b0_us": 0.0}}
+    a, b, c = (RelaySettings.from_dict(data) for data in (own, line, none))
+    assert agreement(a) == agreement(b) != agreement(c)
+    found = [[PDIF.values(s, s.pdif)[key] for key in ("b1", "b0")] for s in (a, b, c)]
+    assert found[0] == pytest.approx([2.2e-3, 1.3e-3])
+    assert found == [found[0], found[0], [0.0, 0.0]]
 
 
 @pytest.mark.parametrize(

@@ -122,9 +122,10 @@ class Pdif(Table):
     open_ct: Literal["block", "trip"] = "block"
     """A phase whose current one end has lost while nothing else changed: "block" takes it out at every end,
     and the sequence elements; with "trip" a load above the pickup trips."""
-    b1_us: NonNegative = 0.0
-    """Of the whole line, positive sequence: with it charging is taken off."""
-    b0_us: NonNegative = 0.0
+    b1_us: NonNegative | None = None
+    """Of the whole line, positive sequence: with it charging is taken off; that of ``[line]`` where not
+    given, 0: it stays."""
+    b0_us: NonNegative | None = None
     """Zero sequence."""
     transfer: bool = True
     """A trip of this function trips every end."""
@@ -155,6 +156,12 @@ AGREED = (
 """What all ends must have alike."""
 
 
+def susceptances_us(settings: RelaySettings, table: Pdif) -> dict[str, float]:
+    """Of the whole line [uS]: the table's, or those of ``[line]``."""
+    given = {key: (getattr(table, key), getattr(settings.line, key)) for key in ("b1_us", "b0_us")}
+    return {key: (line or 0.0) if own is None else own for key, (own, line) in given.items()}
+
+
 BY_CHANNEL, HOLDS = 1 << 16, 1 << 17
 
 
@@ -164,7 +171,8 @@ def agreement(settings: RelaySettings) -> int:
     table = settings.pdif
     if table is None:
         return 0
-    said = [getattr(table, key) for key in AGREED] + [settings.relay.frequency_hz, settings.relay.ohms]
+    agreed = table.model_dump(include=set(AGREED)) | susceptances_us(settings, table)
+    said = [agreed[key] for key in AGREED] + [settings.relay.frequency_hz, settings.relay.ohms]
     own = crc_hqx(json.dumps(said).encode(), 0xFFFF) or 1
     own |= BY_CHANNEL if table.alignment == "channel" else 0
     return own | (HOLDS if table.time_lost == "hold" else 0)
@@ -193,8 +201,7 @@ def values(settings: RelaySettings, table: Pdif) -> dict[str, Any]:
         "confirm": table.confirm,
         "external": settings.samples(table.external_s * 1e3),
         "open_blocks": table.open_ct == "block",
-        "b1": table.b1_us * 1e-6,
-        "b0": table.b0_us * 1e-6,
+        **{key.removesuffix("_us"): 1e-6 * value for key, value in susceptances_us(settings, table).items()},
         "transfer": table.transfer,
         "per_cycle": PER_CYCLE,
         "by_channel": table.alignment == "channel",
