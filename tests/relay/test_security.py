@@ -218,6 +218,14 @@ def test_a_depth_behind_the_relay_makes_up_for_nothing_of_what_the_fit_leaves(
     assert not picked_up(relay, samples)
 
 
+def test_a_depth_that_jumps_behind_the_relay_in_the_first_cycle() -> None:
+    """Beyond a line of 306 km: m of the fit comes from 1.6 to -0.2 within 4 ms, with 0.1 left and a
+    resistance that lets it (before: zone 1 after 11.5 ms)."""
+    relay, samples, seen = drawn_fault(97003, 3856, 23, 0, order=4, kind="long", charged=True)
+    assert seen == ("beyond", True)
+    assert not picked_up(relay, samples)
+
+
 @pytest.mark.parametrize(
     ("number", "fault", "end"), [(155, 18, 1), (893, 28, 1), (1708, 16, 0), (1901, 33, 1), (2104, 7, 0)]
 )

@@ -23,7 +23,7 @@ from faultloop.relay.loop_fit import SHORTEST
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
 from faultloop.relay.unknown_vt import PHASORS_CYCLES, is_believed, is_believed_centred, weakness
 from faultloop.relay.voltages import loops_of
-from faultloop.relay.zone_depth import ALONE, BY_PHASORS, PHASORS_BEHIND, zone_depth
+from faultloop.relay.zone_depth import ALONE, BY_PHASORS, DOUBT, PHASORS_BEHIND, zone_depth
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -36,12 +36,12 @@ _LOOPS = {"all": 0b111111, "ground": 0b000111, "phase": 0b111000}
 HYSTERESIS = 1.05
 FALLS = 12.0
 """How much a sample outside takes from what those inside have counted: as much as one deep inside."""
-EARLY, YOUNG, DOUBT, STAYS = 8.0, 4.0, 2.0, 0.5
+EARLY, YOUNG, STAYS = 8.0, 4.0, 0.5
 """How much what the fit leaves counts against the depth: behind a transformer that is not known to be ideal,
 and while samples from before the fault are in its window, which means smooth over; in the first cycle inside;
-then, and the part of it that does however long it is inside.  Two means leave half of what one does of noise,
-and the depth is no better for it: with 2 one of 56 faults on the parallel line was inside at first
-(bench/security.py, seed 4711, case 28)."""
+of what counts then (`DOUBT`) the part that does however long it is inside.  Two means leave half of what one
+does of noise, and the depth is no better for it: with 2 one of 56 faults on the parallel line was inside at
+first (bench/security.py, seed 4711, case 28)."""
 WHOLE = 3.0
 """In place of `YOUNG` from a cycle and a quarter on: what rings with another frequency has hardly a part in m
 over a window so long."""
