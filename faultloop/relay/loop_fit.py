@@ -173,13 +173,9 @@ def doubted(
     fitted: tuple[float, float, float], direction: int, reach: float, doubt: float, behind: float
 ) -> float:
     """m of a `fit` with ``doubt`` times what it leaves added; infinite for one behind a loop with a direction
-    by more than a tenth, a part of the resistance, and ``behind`` times what it leaves.
-
-    One behind by less is one at the relay: it makes up for nothing of what is left.  (On the healthy one of
-    two parallel lines of 209 km, and for a fault beyond one of 397 km, m of -0.3 with 0.3 left was inside at
-    four times: two of 151,778 faults; bench/security.py, kind long, seed 97002, networks 1815 and 225.)"""
+    by more than a tenth, a part of the resistance, and ``behind`` times what it leaves."""
     m, left, r = fitted
     if direction == 0:
         return abs(m) + doubt * left
     least = BEHIND[0] + BEHIND[1] * abs(r) / reach + behind * left
-    return max(m, 0.0) + doubt * left if m > -least else np.inf
+    return m + doubt * left if m > -least else np.inf

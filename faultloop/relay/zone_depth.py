@@ -30,16 +30,21 @@ the most of it, and the largest fault resistance, over the reach.  Once all is s
 fit whatever there is: with 6 alone variants of the faults of `PHASORS_BEHIND` started zone 1, at four times
 the reach as resistance and m below -1."""
 DOUBT = 2.0
-"""How much what the fit leaves counts once the fault has been inside for a cycle.  Until then how far behind
-m is counts with it, as a fault ahead is not there: for a bolted one beyond a line of 306 km m came from 1.6
-to -0.2 within 4 ms, with 0.1 left and a resistance (bench/security.py, kind long, seed 97003, network 3856,
-one of 218,674).  Later it may be what infeed makes of a resistance."""
+"""How much what the fit leaves counts once the fault has been inside for a cycle.
+
+An m behind the relay makes up for nothing of it: on the healthy one of two parallel lines of 209 km, and for
+a fault beyond one of 397 km, -0.3 with 0.3 left was inside at four times (two of 151,778 faults;
+bench/security.py, kind long, seed 97002, networks 1815 and 225).  And in the first cycle how far behind it is
+counts as what is left does, as a fault ahead is not there: beyond a line of 306 km m came from 1.6 to -0.2
+within 4 ms, with 0.1 left and a resistance (seed 97003, network 3856, one of 218,674).  Later it may be what
+infeed makes of a resistance."""
 BY_PHASORS, ALONE = -1.0, -2.0
 """In place of a doubt, which is not negative: by the phasors; by the samples where they may stand alone."""
 CHARGING = 1.25
 """How much what the line's charging adds to m counts: it is known less well than R and X, and where it is
 most of what there is the voltage along the faulted phase may pass through zero before the fault, at 0.78 for
 one at the far bus (bench/security.py, kind long, seed 97002, network 893).  It takes nothing off."""
+PLACES = 4
 PHASORS_BEHIND = 0.5
 """Of the reach: farther behind the relay there is no fault that lies ahead, though a mho polarized by memory
 takes in all that is between relay and source.  The current of the healthy one of two parallel lines can ring
@@ -56,22 +61,39 @@ def is_enough(q: Record, c: Record, loop: int, i: complex) -> bool:
 
 
 @njit
+def along(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
+    """m of a loop's voltage and current along the reach, whatever the resistance."""
+    if c.characteristic <= OFFSET:
+        return mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i)
+    return quad_measures(g, q, c, loop, v, i, c.tilt)[0]
+
+
+@njit
+def charged_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
+    """m along the reach with what the line's charging adds to it, the least of some places up to the reach.
+
+    At the reach alone the voltage says where a fault beyond it is.  With one close in, what is left of the
+    sequences' voltages at the fault is on the other side: past it they go apart again.
+    """
+    plain, least = along(g, q, c, loop, v, i), OUTSIDE
+    for k in range(1, PLACES + 1):
+        share = k / PLACES
+        added = along(g, q, c, loop, v + charging_voltage(g, q, share * c.charged, loop), i) - plain
+        least = min(least, (plain + CHARGING * max(added, 0.0)) / share)
+    return least
+
+
+@njit
 def by_characteristic(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
     """m of a loop's voltage and current; in a zone that ends on the line, whose charging is told, with what
     that adds."""
-    drop = at_frequency(g, q.memory, c.reach) * i
     if c.characteristic <= OFFSET:
-        m = mho_depth(q, c, loop, v, drop)
+        m = mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i)
     else:
         m = quad_depth(g, q, c, loop, v, i)
-    if not (c.charged > 0.0 and m < 1):
-        return m
-    v += charging_voltage(g, q, c.charged, loop)
-    if c.characteristic <= OFFSET:
-        added = mho_depth(q, c, loop, v, drop) - m
-    else:
-        added = quad_depth(g, q, c, loop, v, i) - m
-    return m + CHARGING * added if added > 0.0 else m
+    if c.charged > 0.0 and m < 1:
+        return max(m, charged_depth(g, q, c, loop, v, i))
+    return m
 
 
 @njit
@@ -97,8 +119,8 @@ def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: 
     fitted = fit(sums, -1 if c.direction < 0 else 1)
     behind = BEHIND[2] if weakness(g, q) == 0.0 else doubt
     m = doubted(fitted, c.direction, abs(c.reach), doubt, behind)
-    if g.ideal_vt and doubt > DOUBT:
-        m += doubt * max(-fitted[0], 0.0)
+    if g.ideal_vt and fitted[0] < 0.0:  # behind others the fit looks behind by what they add
+        m -= fitted[0] * (1.0 + doubt if doubt > DOUBT else 1.0)
     if m >= 1 or q.swing_fault:
         return m
     i = loop_current(q.x, loop, c.k0) + (q.mutual if loop < 3 else 0.0)
