@@ -2,8 +2,8 @@
 
     python bench/security.py [--networks 2000] [--faults 1] [--seed 1001] [--kind mixed|long|extreme]
                              [--workers 1] [--first 0] [--antialias 1500] [--order 4]
-                             [--estimator METHOD] [--vt ideal|unknown] [--functions] [--list]
-                             [--out FILE.npy] [--keep]
+                             [--estimator METHOD] [--vt ideal|unknown] [--no-charging] [--functions]
+                             [--list] [--out FILE.npy] [--keep]
 
 A case is a network X - A - B - C drawn by `security_cases.draw`, a fault in it, and two relays, at both ends
 of A - B, in the closed loop that a campaign runs.  Each has a mho and a quadrilateral of 80 % of the line
@@ -11,7 +11,8 @@ without delay, a reverse zone of 50 % and one of 120 %.  There are no breakers: 
 With ``--faults`` above 1 a network gets so many, four at a place, and a case costs a third (some 8 ms).  The
 low-pass is of order 4: one of order 2 lets a tenth through of what short lines ring with near the sampling
 frequency, which then is folded to the nominal one and no relay can tell it from the fault.  The seeds up to
-100 served for choosing the method and its limits; judge with others.  ``--functions``: with every
+100 served for choosing the method and its limits; judge with others.  ``--no-charging``: the relay is not
+told the line's charging, as it is where a line has any.  ``--functions``: with every
 other function of the relay at work beside the zones, none of which trips.  ``--list`` tells every wrong and
 every slow case.  A network's cases depend on the seed, its number and the kind alone: ``--first N --networks
 1`` runs one again.  ``--out`` keeps the answers, a row a relay, and goes on where a run of the same was
@@ -99,18 +100,20 @@ def others(case: dict, z1: float, resistive: float) -> dict:
 
 
 def settings(
-    case: dict, method: str, vt: str = "ideal", functions: bool = False, charged: bool = True
+    case: dict, method: str, vt: str = "ideal", functions: bool = False, charging: bool = True
 ) -> RelaySettings:
     line, length = case["line"], case["length"]
     z1 = [line["r1_ohm_per_km"] * length, line["x1_ohm_per_km"] * length]
     z0 = [line["r0_ohm_per_km"] * length, line["x0_ohm_per_km"] * length]
-    charging = {f"b{n}_us": line.get(f"b{n}_us_per_km", 0.0) * length for n in (1, 0)}
+    told = {"z1_ohm": z1, "z0_ohm": z0}
+    if charging and "b1_us_per_km" in line:
+        told |= {f"b{n}_us": line[f"b{n}_us_per_km"] * length for n in (1, 0)}
     resistive = float(np.clip(np.hypot(*z1), 2, 40))
     return RelaySettings.from_dict(
         {
             "relay": {"frequency_hz": case["f0"], "nominal_kv": case["kv"]},
             "estimator": {"method": method, "unsafe": True},
-            "line": {"z1_ohm": z1, "z0_ohm": z0} | (charging if charged and charging["b1_us"] else {}),
+            "line": told,
             "vt": {} if vt == "unknown" else {"kind": vt},
             "pdis": [
                 {"zone": 1, "reach_pu": 0.8},
@@ -129,7 +132,7 @@ def network(number: int, given: argparse.Namespace) -> np.ndarray:
     case, cases = draw(given.seed, number, given.kind), Cases()
     base = scenario(case, given.antialias, given.order)
     tables = {name: getattr(base, name) for name in type(base).model_fields}
-    told = settings(case, given.estimator, given.vt, given.functions)
+    told = settings(case, given.estimator, given.vt, given.functions, not given.no_charging)
     answers = np.zeros(2 * given.faults, ANSWER)
     for n in range(given.faults):
         this = another(case, n)
@@ -285,6 +288,7 @@ def main() -> None:
     parser.add_argument("--order", type=int, choices=(2, 4), default=4, help="of the low-pass")
     parser.add_argument("--estimator", default="kalman-bank")
     parser.add_argument("--vt", choices=("ideal", "unknown"), default="ideal", help="what the relay is told")
+    parser.add_argument("--no-charging", action="store_true", help="the relay is not told the line's")
     parser.add_argument("--functions", action="store_true", help="with every other function")
     parser.add_argument("--list", action="store_true", help="every wrong and every slow case")
     parser.add_argument("--out", type=Path, help="a file of answers, to go on with")
@@ -299,6 +303,7 @@ def main() -> None:
         f"{given.kind}, seed {given.seed}, {given.networks} networks from {given.first}, {given.faults}"
         f" faults in each, {given.antialias:g} Hz of order {given.order}, {given.estimator}, VT {given.vt}"
         f"{', with every function' if given.functions else ''}"
+        f"{', not told the charging' if given.no_charging else ''}"
     )
     print(what)
     tell(found, given.list)

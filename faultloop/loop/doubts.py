@@ -144,7 +144,7 @@ def _units(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> It
         elif own is not None and not 1 / ALIKE <= abs(own) / abs(there) <= ALIKE:
             given = f"{own:.4g}, of {abs(own):.4g} in size," if isinstance(own, complex) else f"{own:g}"
             what = f"{given} is {abs(own) / abs(there):.3g} of what the scenario has, {abs(there):.4g}"
-            yield Doubt(key, f"{what}; see the unit, and relay.ohms")
+            yield Doubt(key, f"{what}; see the unit" + ("" if key.endswith("_us") else ", and relay.ohms"))
 
 
 def _told(settings: RelaySettings, relay: str, doubts: list[Doubt]) -> list[str]:

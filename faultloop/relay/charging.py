@@ -1,4 +1,4 @@
-"""What a line's capacitance adds to the voltage at the reach of a zone that ends on it.
+"""What a line's capacitance adds to the voltage at a place along it, for zones that end on it.
 
 A loop's impedance takes the line for R and X in series.  On a long line that is not so: a sequence has
 

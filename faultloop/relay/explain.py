@@ -25,7 +25,7 @@ from faultloop.relay.functions.pdis import delay, doubt
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
 from faultloop.relay.voltages import loops_of
-from faultloop.relay.zone_depth import ALONE, PHASORS_BEHIND, by_characteristic, zone_depth
+from faultloop.relay.zone_depth import ALONE, PHASORS_BEHIND, by_characteristic, uncharged_depth, zone_depth
 
 SHARED = np.dtype(
     [
@@ -55,6 +55,7 @@ ZONE = np.dtype(
         ("m", "f8", (6,)),  # depth by each loop, whatever is released; NaN where it cannot be told
         ("x", "f8", (6,)),  # the part of it along the reactance line ...
         ("r", "f8", (6,)),  # ... and the fault resistance [ohm]
+        ("uncharged", "f8", (6,)),  # m by R and X alone
         ("current", "f8", (6,)),  # of the loop, over what it needs
         ("residual", "f8"),  # 3I0 over what a ground loop needs
         ("counter", "f8"),
@@ -86,38 +87,42 @@ def shared_row(g: Record, q: Record, swinging: int, out: Record) -> None:
 
 
 @njit
-def measures(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, float]:
-    """m, its part along the reactance line, and R of a loop, without the least currents."""
+def measures(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, float, float]:
+    """m, its part along the reactance line, R, and m without the line's charging, of a loop, without the
+    least currents."""
     v, i = loop_voltage(q.x, loop), loop_current(q.x, loop, c.k0)
     if not size2(i) > 0.0:
-        return np.nan, np.nan, np.nan
+        return np.nan, np.nan, np.nan, np.nan
     x, r = quad_measures(g, q, c, loop, v, i, c.tilt)
-    return by_characteristic(g, q, c, loop, v, i), x, r
+    return by_characteristic(g, q, c, loop, v, i), x, r, uncharged_depth(g, q, c, loop, v, i)
 
 
 @njit
-def measures_at_rest(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, float]:
+def measures_at_rest(g: Record, q: Record, c: Record, loop: int) -> tuple[float, float, float, float]:
     """The same where there is nothing from before: polarized by the loop's own voltage and current."""
     v, i = loop_voltage(q.x, loop), loop_current(q.x, loop, c.k0)
     if not size2(i) > 0.0:
-        return np.nan, np.nan, np.nan
+        return np.nan, np.nan, np.nan, np.nan
     z, reach = v * i.conjugate() / size2(i), at_frequency(g, q.memory, c.reach)
     x, r = z.imag / reach.imag, (z * reach.conjugate()).imag / reach.imag
     if c.characteristic == OFFSET:
-        return np.sqrt(size2(z) / size2(reach)), x, r
+        m = np.sqrt(size2(z) / size2(reach))
+        return m, x, r, m
     if c.characteristic >= QUAD:
         beside = abs(r) / (c.resistive_ground if loop < 3 else c.resistive_phase)
-        return max(abs(x) if c.direction == 0 else x, beside), x, r
+        m = max(abs(x) if c.direction == 0 else x, beside)
+        return m, x, r, m
     along = z.real * reach.real + z.imag * reach.imag
-    return (size2(z) / along if along > 0.0 else np.inf), x, r
+    m = size2(z) / along if along > 0.0 else np.inf
+    return m, x, r, m
 
 
 @njit
 def zone_row(g: Record, q: Record, c: Record, w: Record, out: Record) -> None:
     """``ZONE`` of the sample just decided."""
     for loop in range(6):
-        m, x, r = measures(g, q, c, loop) if q.disturbed else measures_at_rest(g, q, c, loop)
-        out.m[loop], out.x[loop], out.r[loop] = m, x, r
+        measured = measures(g, q, c, loop) if q.disturbed else measures_at_rest(g, q, c, loop)
+        out.m[loop], out.x[loop], out.r[loop], out.uncharged[loop] = measured
         out.current[loop] = np.sqrt(size2(loop_current(q.x, loop, c.k0))) / c.minimum_current
     out.residual = 3 * np.sqrt(size2(q.sequence[3])) / c.minimum_residual
     out.counter, out.inside, out.pickup = w.counter, w.inside, w.pickup

@@ -54,7 +54,7 @@ class Header(Table):
 
 
 LONGEST_LINE = 1.0
-"""|z1| b1 of a line: 700 km at 50 Hz."""
+"""|z1| b1 of a line, (beta l)^2: 930 km at 50 Hz, 780 at 60."""
 
 
 class EstimatorSettings(Table):

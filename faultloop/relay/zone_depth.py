@@ -45,6 +45,7 @@ CHARGING = 1.25
 most of what there is the voltage along the faulted phase may pass through zero before the fault, at 0.78 for
 one at the far bus (bench/security.py, kind long, seed 97002, network 893).  It takes nothing off."""
 PLACES = 4
+"""Up to the reach at which the voltage is asked for."""
 PHASORS_BEHIND = 0.5
 """Of the reach: farther behind the relay there is no fault that lies ahead, though a mho polarized by memory
 takes in all that is between relay and source.  The current of the healthy one of two parallel lines can ring
@@ -84,13 +85,18 @@ def charged_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: com
 
 
 @njit
+def uncharged_depth(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
+    """m of a loop's voltage and current by R and X alone."""
+    if c.characteristic <= OFFSET:
+        return mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i)
+    return quad_depth(g, q, c, loop, v, i)
+
+
+@njit
 def by_characteristic(g: Record, q: Record, c: Record, loop: int, v: complex, i: complex) -> float:
     """m of a loop's voltage and current; in a zone that ends on the line, whose charging is told, with what
     that adds."""
-    if c.characteristic <= OFFSET:
-        m = mho_depth(q, c, loop, v, at_frequency(g, q.memory, c.reach) * i)
-    else:
-        m = quad_depth(g, q, c, loop, v, i)
+    m = uncharged_depth(g, q, c, loop, v, i)
     if c.charged > 0.0 and m < 1:
         return max(m, charged_depth(g, q, c, loop, v, i))
     return m
@@ -119,7 +125,7 @@ def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: 
     fitted = fit(sums, -1 if c.direction < 0 else 1)
     behind = BEHIND[2] if weakness(g, q) == 0.0 else doubt
     m = doubted(fitted, c.direction, abs(c.reach), doubt, behind)
-    if g.ideal_vt and fitted[0] < 0.0:  # behind others the fit looks behind by what they add
+    if g.ideal_vt and c.direction != 0 and fitted[0] < 0.0:  # behind others it looks so by what they add
         m -= fitted[0] * (1.0 + doubt if doubt > DOUBT else 1.0)
     if m >= 1 or q.swing_fault:
         return m

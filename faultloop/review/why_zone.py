@@ -188,7 +188,10 @@ def judge_zone(zone: Zone) -> Verdict:
     if told is None and stage == SIDE:
         where += " on the other side"
     cause, text = CAUSE[stage], _TEXTS[stage](zone, at)
-    if stage == REACH and _by_resistance(zone, at):
+    uncharged = np.median(_middles(zone.z["uncharged"][at][:, zone.judged])) if zone.judged else np.inf
+    if stage == REACH and uncharged < 1:
+        text = f"beyond its reach with the line's charging, b1_us and b0_us ({uncharged:.2f} by R and X)"
+    elif stage == REACH and _by_resistance(zone, at):
         cause, text = "resistance", "outside by resistance" + _parts(zone, at)
     return Verdict(cause, told, f"{where}, {text}")
 

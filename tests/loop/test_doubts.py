@@ -74,7 +74,10 @@ def doubts(tables: dict[str, Any], *overrides: str, **changes: Any) -> list[str]
         (
             {"line": OWN["line"] | {"b1_us": 2.8, "b0_us": 1.8}},
             {},
-            ("line.b1_us: 2.8 is 0.01 of what the scenario has, 280", "line.b0_us: 1.8 is 0.01 of what"),
+            (
+                "line.b1_us: 2.8 is 0.01 of what the scenario has, 280",
+                "line.b0_us: 1.8 is 0.01 of what the scenario has, 180; see the unit",
+            ),
         ),
         ({"pioc": [{"pickup_a": 200.0}]}, {}, "pioc[1].pickup_a: 200 is below the load"),
         ({"ptoc": [{"pickup_a": 200.0}]}, {}, "ptoc[1].pickup_a: 200 is below the load"),

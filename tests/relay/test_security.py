@@ -114,6 +114,18 @@ def test_a_fault_on_the_line_is_not_held_up(kind: str) -> None:
         assert np.nanmin(times[:2]) <= 20.0, f"{angle} degrees: {times}"
 
 
+@pytest.mark.parametrize("shape", [{}, {"characteristic": "quad", "resistive_reach_ohm": 20.0}])
+@pytest.mark.parametrize("kind", TYPES)
+def test_a_zone_to_both_sides_is_as_fast_behind(kind: str, shape: dict[str, Any]) -> None:
+    """A depth behind the relay is one there: it counts against those with a direction alone."""
+    head = {"frequency_hz": 50, "nominal_kv": 220}
+    zone = {"zone": 1, "reach_pu": 0.5, "direction": "none"} | shape
+    for angle in range(0, 180, 60):
+        x, begin = network(100.0, {"line": "XA", "at_pu": 0.4, "type": kind, "angle_deg": float(angle)})
+        relay = relay_with(head, [6.0, 40.0], [24.0, 120.0], [zone])
+        assert picked_up(relay, x[: begin + 96]), f"{angle} degrees: not within a cycle"
+
+
 # ---------------------------------------------------------------- drawn networks
 
 

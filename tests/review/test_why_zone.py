@@ -52,7 +52,7 @@ def test_a_zone_without_delay_does_not_start_for_what_is_far_behind(
         "direction": 1,
     }.items():
         shared[key] = value
-    zones["m"], zones["x"], zones["alone"] = m, m, alone
+    zones["m"], zones["x"], zones["uncharged"], zones["alone"] = m, m, m, alone
     zones["current"], zones["residual"] = 2.0, 2.0
     known: Any = SimpleNamespace(
         settings=settings, shared=shared, zones=zones, t_ns=np.arange(20),
@@ -65,24 +65,42 @@ def test_a_zone_without_delay_does_not_start_for_what_is_far_behind(
     assert ("by the samples alone" in verdict.text) == (alone == 0.7)
 
 
-def test_a_zone_that_started_by_the_samples_alone_tells_their_depth(tmp_path: Path) -> None:
-    """147 km at 0.581 behind 4 times the line: by its phasors, which ring, it was outside as it started."""
+def logged(folder: Path, seed: int, number: int, fault: int, kind: str, *own: str) -> tuple[dict, Path]:
+    """A case of bench/security.py and its log; ``own``: the susceptances that the relays are told."""
     cases = load("bench/security_cases.py")
-    case = cases.another(cases.draw(91001, 18251, "mixed"), 17)
+    case = cases.another(cases.draw(seed, number, kind), fault)
     line, length = case["line"], case["length"]
     z1, z0 = ([line[f"{part}{n}_ohm_per_km"] * length for part in "rx"] for n in (1, 0))
     settings = RelaySettings.from_dict(
         {
             "relay": {"frequency_hz": case["f0"], "nominal_kv": case["kv"]},
             "vt": {"kind": "ideal"},
-            "line": {"z1_ohm": z1, "z0_ohm": z0},
+            "line": {"z1_ohm": z1, "z0_ohm": z0}
+            | {f"{key}_us": line[f"{key}_us_per_km"] * length for key in own},
             "pdis": [{"zone": 1, "reach_pu": 0.8}],
         }
     )
-    path = tmp_path / "rings.toml"
+    path = folder / "case.toml"
     path.write_text(toml_text(cases.tables(case, 1500.0, 4) | {"fault": [cases.fault(case)]}))
-    faultloop.run(path, settings={"RA": settings, "RB": settings}, log=tmp_path / "rings.mcap")
-    log = open_log(tmp_path / "rings.mcap")
+    faultloop.run(path, settings={"RA": settings, "RB": settings}, log=folder / "case.mcap")
+    return case, folder / "case.mcap"
+
+
+def test_a_zone_that_the_charging_keeps_says_so(tmp_path: Path) -> None:
+    """A-G at the far bus of 395 km: by R and X inside, and not by its resistance outside."""
+    _, path = logged(tmp_path, 97002, 1708, 16, "long", "b1", "b0")
+    log = open_log(path)
+    (reason,) = why(log, summarize(log), "RA", "PDIS1")
+    assert (reason.cause, reason.operated) == ("reach", False)
+    assert reason.m is not None and reason.m > 1.0
+    assert "with the line's charging, b1_us and b0_us (0.8" in reason.text
+    assert retrace(log, "RA").differs is None
+
+
+def test_a_zone_that_started_by_the_samples_alone_tells_their_depth(tmp_path: Path) -> None:
+    """147 km at 0.581 behind 4 times the line: by its phasors, which ring, it was outside as it started."""
+    case, path = logged(tmp_path, 91001, 18251, 17, "mixed")
+    log = open_log(path)
     summary = summarize(log)
     (reason,) = why(log, summary, "RB", "PDIS1")
     assert retrace(log, "RB").differs is None
