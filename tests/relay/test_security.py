@@ -173,10 +173,11 @@ def test_drawn_networks() -> None:
 
 def drawn_fault(
     seed: int, number: int, fault: int, end: int, order: int = 2, *, kind: str = "mixed",
-    after_ms: float = 50.0, charged: bool = False,
+    after_ms: float = 50.0, charged: bool = False, quad: bool = False,
 ) -> tuple[Relay, np.ndarray, tuple[str, bool]]:  # fmt: skip
     """A case of bench/security.py as one of its relays sees it, to 50 ms after the fault; where the fault is,
-    and whether bolted.  ``charged``: the relay is told of the line's capacitance."""
+    and whether bolted.  ``charged``: the relay is told of the line's capacitance; ``quad``: in place of a
+    mho."""
     cases = _cases()
     case = cases.another(cases.draw(seed, number, kind), fault)
     samples, start = cases.record(case, 1500.0, order)
@@ -185,7 +186,8 @@ def drawn_fault(
     head = {"frequency_hz": case["f0"], "nominal_kv": case["kv"]}
     seen = cases.view(case, end)
     charging = {f"b{n}_us": line[f"b{n}_us_per_km"] * length for n in (1, 0) if charged}
-    relay = relay_with(head, z1, z0, [{"zone": 1, "reach_pu": 0.8}], **charging)
+    shape = {"characteristic": "quad", "resistive_reach_ohm": 40.0} if quad else {}
+    relay = relay_with(head, z1, z0, [{"zone": 1, "reach_pu": 0.8} | shape], **charging)
     return relay, samples[end][: start + round(4.8 * after_ms)], (seen.where, seen.bolted)
 
 
@@ -357,3 +359,15 @@ def test_a_line_that_rings_while_the_fit_has_long_found_the_fault(
     assert seen == ("inside", True)
     begin = len(samples) - 240
     assert picked_up(relay, samples[: begin + round(most * 1e-3 * SAMPLING_HZ) + 1])
+
+
+@pytest.mark.parametrize(("seed", "number", "fault", "end"), [(97002, 164, 22, 1), (97010, 636, 3, 1)])
+def test_a_line_of_370_km_that_rings_for_a_cycle_and_a_half(
+    seed: int, number: int, fault: int, end: int
+) -> None:
+    """The fit is at 0.76 of the reach with 0.04 left (before: the quadrilateral after 33.3 and 33.1 ms)."""
+    drawn = {"order": 4, "kind": "long", "charged": True, "quad": True}
+    relay, samples, seen = drawn_fault(seed, number, fault, end, **drawn)
+    assert seen == ("inside", True)
+    begin = len(samples) - 240
+    assert picked_up(relay, samples[: begin + round(30e-3 * SAMPLING_HZ) + 1])
