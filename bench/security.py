@@ -45,6 +45,8 @@ not at all."""
 WHERE = ("behind", "inside", "beyond", "parallel")
 SLOW_MS = {150: 20.0, 1e9: 30.0}
 """By the line's length [km]: the limits of the time within `INSIDE`."""
+WEAK = 3.0
+"""SIR from which on a relay that knows nothing of its voltage transformer may wait."""
 ANSWER = np.dtype(
     [(name, "i4") for name in ("network", "fault", "end", "where", "type")]
     + [(name, "f4") for name in ("at", "sir", "length", "measured")]
@@ -245,7 +247,9 @@ def column(a: np.ndarray) -> dict[str, str]:
         "the quadrilateral does not": share(near, ~started[:, QUAD]),
         f"within {INSIDE:.0%}, SIR to 30, to 150 km: median, 95 %, worst [ms]": times(within & short),
         "later than 20 ms": share(within & short & zone_1, first > SLOW_MS[150]),
+        "the same, SIR to 3": times(within & short & (a["sir"] <= WEAK)),
         "longer lines": times(within & ~short),
+        "later than 30 ms": share(within & ~short & zone_1, first > SLOW_MS[1e9]),
     }
 
 
