@@ -77,9 +77,11 @@ def test_the_filter_as_written(carry: Callable, ours: Callable, count: int, wind
     found = as_written.written_filter(z, fs, 50.0, form)
     assert all(np.isnan(each[:m]).all() for each in found)
     phasors, frequency, rocof = (np.array(column) for column in zip(*wanted, strict=True))
-    np.testing.assert_allclose(found[0][m:], phasors, atol=1e-6 * 311)
-    np.testing.assert_allclose(found[1][m:], frequency.real, atol=1e-4)
-    np.testing.assert_allclose(found[2][m:], rocof.real, atol=1e-2)
+    # Ten states from ten samples: the condition of H^T H is 2e11 and 3e12, and how a processor adds shows in
+    # the seventh digit (in one of 60 ROCOFs of 1300 Hz/s by 0.011 on one of two).
+    np.testing.assert_allclose(found[0][m:], phasors, atol=1e-5 * 311)
+    np.testing.assert_allclose(found[1][m:], frequency.real, atol=1e-3)
+    np.testing.assert_allclose(found[2][m:], rocof.real, rtol=1e-4, atol=1e-2)
 
 
 def test_the_relay_s_least_squares_start() -> None:
