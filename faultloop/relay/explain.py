@@ -79,7 +79,7 @@ def shared_row(g: Record, q: Record, swinging: int, out: Record) -> None:
     out.age, out.fault, out.released, out.behind = q.memory.age, q.fault, q.released, q.behind
     out.direction, out.fuse_failure, out.swing = q.direction, q.fuse_failure, swinging
     out.blocked_loops, out.blocked_zones = q.blocked_loops, q.blocked_zones
-    out.unmeasured = loops_of(q.dead | q.missing | (7 & ~q.proven))
+    out.unmeasured = loops_of(q.dead | q.missing | q.suspected | (7 & ~q.proven))
     out.polarizing = q.polarizing if q.disturbed and not q.fuse_failure else q.sequence[1]
     out.frequency = q.memory.frequency
     for k in range(6):

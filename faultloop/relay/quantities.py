@@ -131,6 +131,15 @@ QUANTITIES = np.dtype(
             "lost",
             "i8",
         ),  # snapshots in a row of closed poles with neither voltage nor current, not loaded before
+        ("voltageless", "i8", (3,)),  # samples in a row without voltage, of each phase
+        ("current_then", "c16", (3,)),  # current of the phase when that began
+        ("voltage2_then", "f8", (3,)),  # and its voltage, squared
+        ("quiet_then", "i8", (3,)),  # there was no disturbance yet
+        ("residual", "f8", (3,)),  # sum, since then, of how its samples differ from it
+        ("residual2", "f8", (3,)),  # and of the squares
+        ("left", "f8", (3,)),  # mean of what its samples leave of its phasor, before that
+        ("left2", "f8", (3,)),  # and of the squares
+        ("suspected", "i8"),  # mask of phases whose voltage has gone and their current has not changed
         ("missing", "i8"),  # mask of phases whose current is missing
         ("vanished", "i8"),  # all three have gone at one moment
         ("without", "i8", (6,)),  # samples in a row of which there is no value; below 0: since a gap
@@ -413,6 +422,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
         if q.memory.tick == 0 and q.memory.seen > g.settling and q.memory.frozen != memory.ANEW:
             voltages.prove(g, q)
             currents.watch(g, q)
+    voltages.watch(g, q, sample)
     unsampled.watch(g, q, sample)
     q.fed = q.memory.fed if q.disturbed else 0
     forget(q)

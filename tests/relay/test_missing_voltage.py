@@ -127,3 +127,72 @@ def test_inrush_when_the_line_is_energised(records: Path, root: Path, method: st
         lead = np.zeros((720, 6))
         trips, _ = run(Relay(settings), np.concatenate([lead, np.column_stack([volts, currents])]))
         assert not trips, (angle, trips)
+
+
+# ---------------------------------------------------------------- in a fault
+
+
+def lost(x: np.ndarray, phases: str, after_ms: float) -> np.ndarray:
+    """The same with some phases' voltages gone so long after a fault that begins after 0.1 s."""
+    at = round((0.1 + after_ms / 1000) * FS)
+    return np.concatenate([x[:at], without(x[at:], phases)])
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("at", [1.0, -1.0])
+@pytest.mark.parametrize("kind", ["AG", "BC", "CAG", "ABC"])
+def test_voltages_that_are_lost_in_a_fault_elsewhere(method: str, at: float, kind: str) -> None:
+    """The current of the fault flows on, and there is no voltage left beside it (before: zone 1)."""
+    network = Network()
+    x = network.fault(kind, at, duration_s=0.35)
+    for phases in ("A", "BC", "ABC"):
+        for after_ms in (30, 57):
+            trips, texts = run(network_relay(network, method=method), lost(x, phases, after_ms))
+            wrong = {1} if at > 0 else {1, 2}  # zone 2 is right ahead, and the reverse zone 3 behind
+            assert not [trip for _, trip in trips if trip.zone in wrong], (phases, after_ms, trips)
+            if at > 0 or not set(phases) <= set(kind):  # behind, close in, there was none to lose
+                assert any("cannot be relied on" in text for text in texts), (phases, after_ms, texts)
+
+
+@pytest.mark.parametrize("phases", ["A", "BC", "ABC"])
+def test_a_fault_that_ends_after_the_voltages_were_lost_in_it(phases: str) -> None:
+    network = Network()
+    for at in (1.0, -1.0):
+        x = network.samples(
+            [(0, network.solve()), (0.1, network.solve("BC", at)), (0.2, network.solve())], 0.4
+        )
+        trips, _ = run(network_relay(network, method="kalman-bank"), lost(x, phases, 40))
+        assert not trips, (at, trips)
+
+
+@pytest.mark.parametrize("kind", ["AG", "BG", "CAG", "ABC"])
+@pytest.mark.parametrize("at", [0.0, 0.05])
+@pytest.mark.parametrize("after_ms", [25, 33, 41])
+def test_a_fault_close_in_while_another_one_goes_on_beyond(kind: str, at: float, after_ms: float) -> None:
+    """Its voltage goes as well, and the current of the same phase tells that it is none that was lost."""
+    network = Network()
+    stages = [
+        (0.0, network.solve()),
+        (0.1, network.solve("BC", 1.0)),
+        (0.1 + after_ms / 1000, network.solve(kind, at)),
+    ]
+    trips, texts = run(network_relay(network, method="kalman-bank"), network.samples(stages, 0.35))
+    assert trips, texts
+    assert 1000 * (trips[0][0] / FS - stages[2][0]) < 45
+
+
+@pytest.mark.parametrize("first", ["voltage", "current"])
+@pytest.mark.parametrize("phases", [("C", "A"), ("B", "B"), ("ABC", "A"), ("A", "BC")])
+@pytest.mark.parametrize("wait_ms", [0.5, 4.6, 9.0, 30.0])
+def test_voltage_and_current_that_are_lost_one_after_the_other(
+    first: str, phases: tuple[str, str], wait_ms: float
+) -> None:
+    x = waves(0.5, LOAD_OHM)
+    for angle_ms in (0.0, 3.0, 7.0):
+        begin = round((0.2 + angle_ms / 1000) * FS)
+        later = begin + round(wait_ms / 1000 * FS)
+        y = x.copy()
+        voltage, current = (begin, later) if first == "voltage" else (later, begin)
+        y[voltage:, ["ABC".index(p) for p in phases[0]]] = 0.0
+        y[current:, [3 + "ABC".index(p) for p in phases[1]]] = 0.0
+        no_trip(y)

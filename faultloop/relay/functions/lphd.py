@@ -92,7 +92,7 @@ def tell(names: Names, was: np.void, now: np.void) -> Iterator[Event]:
         yield Event(names.sample, "info", "LPHD1 ready")
     elif now["cause"] == MISSING:
         phases = poles_text(int(now["missing"]))
-        text = f"LPHD1 no voltage of phase {phases} was there before: its loops are blocked"
+        text = f"LPHD1 the voltage of phase {phases} cannot be relied on: its loops are blocked"
         yield Event(names.sample, "warning", text)
     elif now["cause"] == CURRENT:
         phases = poles_text(int(now["missing"]))

@@ -367,7 +367,7 @@ def released(q: Record, mask: int) -> int:
     """
     if mask == 0:
         return 0
-    return mask & ~loops_of(q.dead | q.missing | (7 & ~q.proven)) & ~blocked_loops(q)
+    return mask & ~loops_of(q.dead | q.missing | q.suspected | (7 & ~q.proven)) & ~blocked_loops(q)
 
 
 @njit

@@ -29,7 +29,15 @@ from faultloop.jit import njit
 from faultloop.relay.functions.function import Function
 from faultloop.relay.loop_fit import loop_values
 from faultloop.relay.memory import size2
-from faultloop.relay.quantities import AT_ITS_ANGLE, THREE_PHASE, Record, publish, request_trip
+from faultloop.relay.quantities import (
+    ALL_POLES,
+    AT_ITS_ANGLE,
+    THREE_PHASE,
+    Record,
+    dead_poles,
+    publish,
+    request_trip,
+)
 from faultloop.relay.voltages import loops_of
 
 if TYPE_CHECKING:
@@ -167,15 +175,23 @@ def within(g: Record, q: Record, c: Record, proven: int) -> bool:
 
 
 @njit
+def flows(g: Record, q: Record) -> bool:
+    """Whether any pole carries current, by the samples."""
+    return (q.dead | dead_poles(g, q)) != ALL_POLES
+
+
+@njit
 def step(g: Record, q: Record, c: Record, w: Record) -> None:
     """One sample."""
     if not q.settled:
         return
-    if w.operated:  # until the current has gone
-        w.operated = q.dead != THREE_PHASE and not is_dead(g, q)
-        w.count = w.count if w.operated else 0
+    if w.operated:  # until the current has gone, and then not again: phasors decay through the reach
+        w.operated = flows(g, q) and not is_dead(g, q)
+        if not w.operated:
+            w.count = w.dead = 0
     else:
-        w.count = w.count + 1 if arm(g, q, c, w) and within(g, q, c, w.proven) else 0
+        inside = arm(g, q, c, w) and flows(g, q) and within(g, q, c, w.proven)
+        w.count = w.count + 1 if inside else 0
         w.operated = w.count > c.delay
     publish(q, c.bit, w.count > 0, w.operated)
     if w.operated and c.trips:

@@ -29,6 +29,7 @@ from faultloop.relay.functions.function import Function
 from faultloop.relay.loop_fit import FIRST, SECOND
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.quantities import Record
+from faultloop.relay.voltages import ALL_PHASES, loops_of
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
@@ -93,6 +94,8 @@ def locate(g: Record, q: Record, c: Record, w: Record) -> None:
     if fault != w.fault:
         start(w, fault)
     loop = PHASE_LOOP_OF_ABC if fault == 7 else fault - 1
+    if (loops_of(q.suspected | (ALL_PHASES & ~q.proven)) >> loop) & 1:
+        return
     k0 = (g.z0 - g.z1) / (3 * g.z1)
     i = loop_current(q.x, loop, k0)
     if size2(i) < g.minimum_current**2:

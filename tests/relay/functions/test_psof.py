@@ -51,16 +51,27 @@ def operated_after(k: Kernel, most: int = 3000) -> int | None:
 
 
 def test_what_has_operated_does_not_come_again_with_phasors_that_decay() -> None:
-    """The poles open, and the phasors are not yet nothing."""
+    """The poles open, and the phasors are not yet nothing (before: again after the delay)."""
     k = dead_line()
     energised(k, 0.5 * Z1)
     assert operated_after(k) == DELAY
     k.q["dead"] = 7
     words = []
-    for _ in range(20):
+    for _ in range(3 * DELAY):
         k.step()
-        words.append(int(k.q["operate"]))
+        words.append(int(k.q["operate"]) | int(k.q["pickup"]))
     assert not any(words)
+
+
+def test_phasors_that_decay_without_a_current_are_no_fault() -> None:
+    """Another function has tripped before the delay is over."""
+    k = dead_line()
+    energised(k, 0.5 * Z1)
+    k.step(None, DELAY // 2)
+    assert k.q["pickup"]
+    k.q["recent"]["value"][:, 3:6] = 0.0
+    assert operated_after(k) is None
+    assert not k.q["pickup"]
 
 
 @pytest.mark.parametrize("z", [0.02 * Z1, 0.5 * Z1, 1.1 * Z1, -0.3 * Z1, 12.0 + 0j])
