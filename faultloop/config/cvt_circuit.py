@@ -10,6 +10,7 @@ import cmath
 import math
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from numpy.polynomial import Polynomial
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -24,6 +25,8 @@ IRON_W = 20.0
 """Of the intermediate transformer, both at the tap's nominal voltage."""
 JW = Polynomial([0.0, 1.0])
 """The complex frequency, over the nominal angular frequency."""
+JW_OF_ALL = 1j * np.geomspace(0.1, 10.0, 60)
+"""Where circuits are compared."""
 
 Fraction = tuple[Polynomial, Polynomial]
 
@@ -124,6 +127,15 @@ def chosen_circuit(circuit: Named | CvtCircuit, burden_va: float | None, frequen
     """The circuit that is meant, with another burden where one is given."""
     found = named_circuit(circuit, frequency_hz) if isinstance(circuit, str) else circuit
     return found if burden_va is None else found.model_copy(update={"burden_va": burden_va})
+
+
+def differ(one: CvtCircuit, other: CvtCircuit, frequency_hz: float) -> float:
+    """The most by which their secondary voltages differ, of the tap's, up to ten times the frequency."""
+    passed = []
+    for circuit in (one, other):
+        over, under = circuit.transfer(2 * math.pi * frequency_hz)
+        passed.append(over(JW_OF_ALL) / under(JW_OF_ALL))
+    return float(np.abs(passed[0] - passed[1]).max())
 
 
 def what_mistunes(circuit: Named | CvtCircuit, burden_va: float | None, frequency_hz: float) -> str | None:

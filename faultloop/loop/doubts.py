@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from faultloop.config.cvt_circuit import chosen_circuit, differ
 from faultloop.config.place import RelayPlace
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
@@ -24,6 +25,9 @@ STUCK_MS = 1000.0
 ALIKE = 3.0
 """Impedances or voltages that differ by more are in other units, or of another line: a primary value where a
 secondary one is meant, ohms of a kilometre, volts for kilovolts."""
+SAME_CIRCUIT = 1 / 3
+"""Of the voltage: a circuit that passes so much more or less at some frequency is another one.  The named ones are 0.4 and more apart; a burden off by -50 and +25 %, 0.3 with A2, keeps zone 1 right
+(``bench/cvt.py --burden``)."""
 TURN = np.exp(2j * np.pi / 3 * np.arange(3)) / 3
 
 
@@ -100,8 +104,32 @@ def _place_doubts(scenario: Scenario, place: RelayPlace, settings: RelaySettings
         yield Doubt("line.z0m_ohm", what)
     if place.back_trip and settings.rbrf is None:
         yield Doubt("rbrf", f"missing: without it {named} never tells the breakers of back_trip to open")
+    yield from _voltage_transformer(scenario, place, settings)
     yield from _breaker_times(scenario, place, settings)
     yield from _units(scenario, place, settings)
+
+
+def _voltage_transformer(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
+    """What the settings say of it, and the scenario otherwise."""
+    own, there = settings.vt, next((vt for vt in scenario.vt if vt.name == place.vt), None)
+    has = "the scenario's one" if there is None else f"the scenario's [[vt]] '{there.name}'"
+    outcome = "zones without delay may reach beyond their end"
+    circuit = None if there is None or there.model == "ideal" else there.circuit
+    if own.kind == "ideal" and circuit is not None:
+        right = 'kind = "cvt" with its circuit, or leave kind out'
+        yield Doubt("vt.kind", f'"ideal", where {has} is capacitive: {outcome}; {right}')
+    elif own.circuit is not None and circuit is None:
+        what = "is ideal: its voltage is changed as if it were not, and"
+        yield Doubt("vt.kind", f'"cvt", where {has} {what} {outcome}; kind = "ideal"')
+    elif own.circuit is not None and circuit is not None and there is not None:
+        hz = settings.relay.frequency_hz
+        one, other = (
+            chosen_circuit(own.circuit, own.burden_va, hz),
+            chosen_circuit(circuit, there.burden_va, hz),
+        )
+        if (apart := differ(one, other, hz)) > SAME_CIRCUIT:
+            what = f"passes a voltage that differs by up to {100 * apart:.0f} % from that of {has}: {outcome}"
+            yield Doubt("vt.circuit", f"{what}; the same circuit and burden_va")
 
 
 def _breaker_times(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:

@@ -11,6 +11,7 @@ from faultloop.loop.doubts import scenario_doubts
 from faultloop.loop.inputs import load_inputs
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from faultloop.plant.vt import Vt
 from faultloop.relay import RelaySettings
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -21,12 +22,14 @@ OWN = {
 }
 
 
-def doubts(tables: dict[str, Any], *overrides: str, **changes: Any) -> list[str]:
-    """Of relay RA alone."""
+def doubts(
+    tables: dict[str, Any], *overrides: str, of: dict[str, Any] | None = None, **changes: Any
+) -> list[str]:
+    """Of relay RA alone, whose place has ``changes``, in a scenario that has tables ``of`` its own."""
     scenario = Scenario.read(SCENARIOS / "ag-zone1.toml", overrides)
     own = RelaySettings.from_dict(OWN | {"ptrc": {}} | tables)
     place = scenario.relay[0].model_copy(update=changes)
-    scenario = scenario.model_copy(update={"relay": (place,)})
+    scenario = scenario.model_copy(update={"relay": (place,), **(of or {})})
     found = scenario_doubts(scenario, {"RA": own}, Plant(scenario))
     assert all(text.startswith("settings of relay 'RA': ") for text in found)
     return [text.removeprefix("settings of relay 'RA': ") for text in found]
@@ -97,6 +100,40 @@ def test_what_does_not_go_together_is_told(
     found = doubts(tables, **changes)
     assert len(found) == len(expected)
     assert all(text.startswith(one) for text, one in zip(found, expected, strict=True)), found
+
+
+@pytest.mark.parametrize(
+    ("own", "there", "told"),
+    [
+        (
+            {"kind": "ideal"},
+            {"circuit": "A1"},
+            "vt.kind: \"ideal\", where the scenario's [[vt]] 'V' is capacitive",
+        ),
+        ({"kind": "cvt", "circuit": "A1"}, None, 'vt.kind: "cvt", where the scenario\'s one is ideal'),
+        (
+            {"kind": "cvt", "circuit": "P2"},
+            {"circuit": "A1"},
+            "vt.circuit: passes a voltage that differs by up to 40 % from that of the scenario's [[vt]] 'V'",
+        ),
+        (
+            {"kind": "cvt", "circuit": "P2", "burden_va": 0.0},
+            {"circuit": "P2"},
+            "vt.circuit: passes a voltage",
+        ),
+        ({"kind": "cvt", "circuit": "A2", "burden_va": 50.0}, {"circuit": "A2"}, None),
+        ({"kind": "cvt", "circuit": "P1"}, {"circuit": "P1"}, None),
+        ({}, {"circuit": "A1"}, None),
+        ({}, None, None),
+    ],
+)
+def test_another_voltage_transformer_than_the_scenario_s(
+    own: dict[str, Any], there: dict[str, Any] | None, told: str | None
+) -> None:
+    vt = () if there is None else (Vt(name="V", ratio=(220e3, 110.0), model="cvt", **there),)
+    found = doubts({"vt": own}, of={"vt": vt}, vt=None if there is None else "V")
+    assert len(found) == (told is not None), found
+    assert all(text.startswith(str(told)) and "; " in text for text in found), found
 
 
 def test_a_charging_where_the_scenario_s_line_has_none() -> None:
