@@ -13,8 +13,10 @@ from faultloop.config.cvt_circuit import chosen_circuit, differ
 from faultloop.config.place import RelayPlace
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from faultloop.plant.series_capacitor import SeriesCapacitor
+from faultloop.plant.vt import Vt
 from faultloop.relay import RelaySettings
-from faultloop.relay.coordination import Doubt, load_doubts
+from faultloop.relay.coordination import SELECTIVE_MS, Doubt, along, load_doubts
 
 LEAST_LOAD_A = 1.0
 """Less current is no load: a line that is open, or charges a little."""
@@ -26,8 +28,11 @@ ALIKE = 3.0
 """Impedances or voltages that differ by more are in other units, or of another line: a primary value where a
 secondary one is meant, ohms of a kilometre, volts for kilovolts."""
 SAME_CIRCUIT = 1 / 3
-"""Of the voltage: a circuit that passes so much more or less at some frequency is another one.  The named ones are 0.4 and more apart; a burden off by -50 and +25 %, 0.3 with A2, keeps zone 1 right
+"""Of the voltage: a circuit that passes so much more or less at some frequency is another one.  The named
+ones are 0.4 and more apart; a burden off by -50 and +25 %, 0.3 with A2, keeps zone 1 right
 (``bench/cvt.py --burden``)."""
+SAME_LINE = 0.15
+"""Of an impedance's size: zones leave that much for errors of a line's data and of transformers, not more."""
 TURN = np.exp(2j * np.pi / 3 * np.arange(3)) / 3
 
 
@@ -111,7 +116,7 @@ def _place_doubts(scenario: Scenario, place: RelayPlace, settings: RelaySettings
 
 def _voltage_transformer(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
     """What the settings say of it, and the scenario otherwise."""
-    own, there = settings.vt, next((vt for vt in scenario.vt if vt.name == place.vt), None)
+    own, there = settings.vt, next((vt for vt in scenario.all(Vt) if vt.name == place.vt), None)
     has = "the scenario's one" if there is None else f"the scenario's [[vt]] '{there.name}'"
     outcome = "zones without delay may reach beyond their end"
     circuit = None if there is None or there.model == "ideal" else there.circuit
@@ -129,7 +134,7 @@ def _voltage_transformer(scenario: Scenario, place: RelayPlace, settings: RelayS
         )
         if (apart := differ(one, other, hz)) > SAME_CIRCUIT:
             what = f"passes a voltage that differs by up to {100 * apart:.0f} % from that of {has}: {outcome}"
-            yield Doubt("vt.circuit", f"{what}; the same circuit and burden_va")
+            yield Doubt("vt.circuit", f"{what}; give the same circuit and burden_va")
 
 
 def _breaker_times(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
@@ -157,7 +162,7 @@ def _breaker_times(scenario: Scenario, place: RelayPlace, settings: RelaySetting
 
 
 def _units(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
-    """Values that are not those of the scenario's line and voltage, by far."""
+    """Values that are not those of the scenario's line and voltage: by far, and impedances by `SAME_LINE`."""
     line = next(line for line in scenario.line if line.name == place.line)
     unit = settings.ohm_ratio
     for key, own, there in (
@@ -173,6 +178,26 @@ def _units(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> It
             given = f"{own:.4g}, of {abs(own):.4g} in size," if isinstance(own, complex) else f"{own:g}"
             what = f"{given} is {abs(own) / abs(there):.3g} of what the scenario has, {abs(there):.4g}"
             yield Doubt(key, f"{what}; see the unit" + ("" if key.endswith("_us") else ", and relay.ohms"))
+        elif isinstance(own, complex):
+            banks = (bank.x_ohm for bank in scenario.all(SeriesCapacitor) if bank.line == line.name)
+            apart = min(abs(own - there), abs(own - there + 1j * sum(banks) / unit)) / abs(there)
+            if apart > SAME_LINE:
+                far = _too_far(settings, line.z1_ohm) if key == "line.z1_ohm" else ""
+                what = f"{_ohms(own)} is {100 * apart:.0f} % off what the scenario has, {_ohms(there)}{far}"
+                yield Doubt(key, f"{what}; give the line's own")
+
+
+def _ohms(z: complex) -> str:
+    return f"[{z.real:.4g}, {z.imag:.4g}]"
+
+
+def _too_far(settings: RelaySettings, line_ohm: complex) -> str:
+    """The first zone without delay that ends beyond the line as it is, and not as the settings have it."""
+    for zone in settings.tripping_zones:
+        reach = along(settings, zone.table, line_ohm)
+        if zone.table.direction != "reverse" and min(zone.delays) < SELECTIVE_MS and zone.along <= 1 < reach:
+            return f": zone {zone.table.zone} reaches {reach:.3g} of that"
+    return ""
 
 
 def _told(settings: RelaySettings, relay: str, doubts: list[Doubt]) -> list[str]:

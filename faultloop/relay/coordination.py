@@ -98,13 +98,13 @@ def _zone(settings: RelaySettings, key: str, table: Pdis) -> Zone:
         table.delay_ms if own is None else own for own in (table.delay_ground_ms, table.delay_phase_ms)
     )
     delays = (ground if table.loops != "phase" else math.inf, phase if table.loops != "ground" else math.inf)
-    return Zone(key, table, _along(settings, table), delays, polygons(settings, table)[1])
+    return Zone(key, table, along(settings, table, settings.z1_ohm), delays, polygons(settings, table)[1])
 
 
-def _along(settings: RelaySettings, table: Pdis) -> float:
-    """How far a zone reaches for bolted faults, per unit of the line: to where its circle, or its reactance
-    line, crosses it."""
-    reach, line = reach_ohm(settings, table), settings.z1_ohm
+def along(settings: RelaySettings, table: Pdis, line: complex) -> float:
+    """How far a zone reaches for bolted faults, per unit of a line of that impedance, primary: to where its
+    circle, or its reactance line, crosses it."""
+    reach = reach_ohm(settings, table)
     if table.characteristic == "mho":
         return abs(reach / line) * math.cos(cmath.phase(reach) - cmath.phase(line))
     tilt = cmath.rect(1.0, math.radians(table.tilt_deg))

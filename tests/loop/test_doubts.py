@@ -11,6 +11,7 @@ from faultloop.loop.doubts import scenario_doubts
 from faultloop.loop.inputs import load_inputs
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from faultloop.plant.series_capacitor import SeriesCapacitor
 from faultloop.plant.vt import Vt
 from faultloop.relay import RelaySettings
 
@@ -73,6 +74,21 @@ def doubts(
             {"line": {"z1_ohm": [0.06, 0.4], "z0_ohm": [24.0, 120.0]}},
             {},
             "line.z1_ohm: 0.06+0.4j, of 0.4045 in size, is 0.01 of what the scenario has, 40.45",
+        ),
+        (
+            {"line": {"z1_ohm": [12.0, 80.0], "z0_ohm": [24.0, 120.0]}},
+            {},
+            "line.z1_ohm: [12, 80] is 100 % off what the scenario has, [6, 40]: zone 1 reaches 1.6 of that",
+        ),
+        (
+            {"line": {"z1_ohm": [40.0, 6.0], "z0_ohm": [24.0, 120.0]}},
+            {},
+            "line.z1_ohm: [40, 6] is 119 % off what the scenario has, [6, 40]; give the line's own",
+        ),
+        (
+            {"line": {"z1_ohm": [6.0, 40.0], "z0_ohm": [60.0, 290.0]}},
+            {},
+            "line.z0_ohm: [60, 290] is 142 % off what the scenario has, [24, 120]; give the line's own",
         ),
         (
             {"line": OWN["line"] | {"b1_us": 2.8, "b0_us": 1.8}},
@@ -156,6 +172,14 @@ def test_what_goes_together_is_not() -> None:
     }
     assert doubts(tables) == []
     assert doubts(tables, "breaker.QA.operate_ms=60000") == []  # one that fails, and is meant to
+
+
+def test_a_line_as_near_as_its_data_may_be_is_that_of_the_scenario() -> None:
+    assert doubts({"line": {"z1_ohm": [4.0, 44.0], "z0_ohm": [30.0, 105.0]}}) == []
+    bank = SeriesCapacitor(name="SC1", line="AB", at_pu=0.5, x_ohm=20.0)
+    compensated = {"z1_ohm": [6.0, 20.0], "z0_ohm": [24.0, 100.0]}
+    assert doubts({"line": compensated}, of={"series_capacitor": (bank,)}) == []
+    assert doubts({}, of={"series_capacitor": (bank,)}) == []
 
 
 def test_secondary_values_are_told_in_secondary_ones() -> None:
