@@ -133,6 +133,11 @@ def test_the_cores_step_is_stable_and_near_at_the_plants_own(case: str, rate: in
         ({"class": "TPS"}, r"ct\[T\].class: input should be 'TPX', 'TPY' or 'TPZ'"),
         ({"time_constant_s": 0.1}, 'time_constant_s belongs to class = "TPY" or "TPZ"'),
         ({"class": "TPY", "time_constant_s": 1e-4}, r"ct\[T\].time_constant_s: 0.0001 s is no more than"),
+        (
+            {"model": None},
+            r'ct\[T\]: vs_v, burden_ohm without model = "saturating"; give it',
+        ),
+        ({"model": None, "vs_v": None, "burden_ohm": None, "rw_ohm": 1.0}, "rw_ohm without model"),
         ({"vs_v": 0.05}, r"ct\[T\].vs_v: the load alone needs .* times the flux at vs_v; give a higher vs_v"),
         ({"ratio": [1000]}, r"ct\[T\].ratio: needs 2 numbers"),
         ({"ratio": [1000, 0]}, r"ct\[T\].ratio"),
@@ -141,6 +146,12 @@ def test_the_cores_step_is_stable_and_near_at_the_plants_own(case: str, rate: in
 def test_wrong_current_transformers(ct: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         measured(ct=ct)
+
+
+def test_an_ideal_one_may_keep_what_a_core_of_it_would_have() -> None:
+    """So a campaign varies the model alone."""
+    measured(ct={"model": "ideal"})
+    measured(ct={"model": None, "vs_v": None, "burden_ohm": None})
 
 
 @pytest.mark.parametrize(
