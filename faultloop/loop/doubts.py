@@ -79,6 +79,10 @@ def _standing(settings: RelaySettings, volts: float, amperes: float) -> Iterator
                 least = amperes / settings.ct_ratio
                 what = f"{table.pickup_a:g} is below the load that the run begins with, {least:.4g} A"
                 yield Doubt(f"{key}[{number}].pickup_a", f"{what}: it starts at once; above that it is clear")
+    if settings.psof.trip and settings.amperes(settings.psof.current_a, math.inf) < amperes:
+        least = amperes / settings.ct_ratio
+        what = f"{settings.psof.current_a:g} is below the load that the run begins with, {least:.4g} A"
+        yield Doubt("psof.current_a", f"{what}: energising trips without a fault; above load and inrush")
     for key, sign in (("ptuv", 1), ("ptov", -1)):
         for number, table in enumerate(getattr(settings, key), settings.first_place):
             there = volts * size.get(table.quantity, math.inf) / settings.volts(1.0, 1.0)
