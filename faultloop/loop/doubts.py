@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
@@ -42,18 +43,28 @@ def settings_doubts(settings: RelaySettings, relay: str = "") -> list[str]:
 
 
 def scenario_doubts(scenario: Scenario, settings: Mapping[str, RelaySettings], plant: Plant) -> list[str]:
-    """The same of every relay of a scenario, with the load that ``plant`` begins with."""
-    found = []
+    """The same of every relay of a scenario, with the load that ``plant`` begins with.
+
+    What relays that share a file have in common is told once, what they have not with the relay's name."""
+    found: dict[str, list[str]] = {}
     samples = plant.history(round(scenario.system.sampling_hz / scenario.system.frequency_hz))
     for number, place in enumerate(scenario.relay):
         own = settings[place.name]
         v1, i1 = _positive_sequence(samples[:, number])
-        found += settings_doubts(own, place.name)
+        doubts = list(own.doubts)
         if abs(i1) >= LEAST_LOAD_A:
-            found += _told(own, place.name, load_doubts(own, complex(v1 / i1)))
-        found += _told(own, place.name, [*_standing(own, abs(v1), abs(i1))])
-        found += _told(own, place.name, [*_place_doubts(scenario, place, own)])
-    return found
+            doubts += load_doubts(own, complex(v1 / i1))
+        doubts += [*_standing(own, abs(v1), abs(i1)), *_place_doubts(scenario, place, own)]
+        for text in _told(own, place.name, doubts):
+            found.setdefault(text, []).append(place.name)
+    shared = Counter(own.path for own in settings.values())
+    told = []
+    for text, relays in found.items():
+        path = settings[relays[0]].path
+        names = ", ".join(f"relay '{name}'" for name in relays)
+        named = path is None or len(relays) == shared[path] or names in text
+        told.append(text if named else f"{text} ({names})")
+    return told
 
 
 def _positive_sequence(samples: np.ndarray) -> tuple[complex, complex]:

@@ -1,7 +1,8 @@
 """What a suite ends with: tables, checks against limits, figures; as text, one JSON object, or a page.
 
-A limit is held, missed, not asked for where there were no cases (``--quick`` has few), or one that nobody could
-hold: a published figure beyond a bound that is stated with its reason.  Only what is missed makes a suite fail.
+A limit is held, missed, not asked for where there were no cases (``--quick`` has few), or one that nobody
+could hold: a published figure beyond a bound that is stated with its reason.  Only what is missed makes a
+suite fail.
 """
 
 from __future__ import annotations

@@ -201,3 +201,17 @@ def test_no_shipped_scenario_is_doubted(path: Path) -> None:
     found = scenario_doubts(inputs.scenario, inputs.settings, Plant(inputs.scenario))
     assert [text for text in found if "'adaptive-kalman' is none for distance zones" not in text] == []
     assert bool(found) == (path.stem == "lossy-bus")
+
+
+def test_relays_that_share_a_file_are_told_once(tmp_path: Path) -> None:
+    """But for what is of one of them, which is named."""
+    own = RelaySettings.from_dict(
+        OWN | {"ptrc": {"zones": []}, "psof": {"current_a": 361.5}}, path=tmp_path / "mine.toml"
+    )
+    scenario = Scenario.read(SCENARIOS / "ag-zone1.toml")
+    found = scenario_doubts(scenario, {"RA": own, "RB": own}, Plant(scenario))
+    assert [text.removeprefix(f"{tmp_path / 'mine.toml'}: ").split(":")[0] for text in found] == [
+        "ptrc.zones",
+        "psof.current_a",
+    ]
+    assert "(relay" not in found[0] and found[1].endswith("(relay 'RA')"), found
