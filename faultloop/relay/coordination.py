@@ -1,12 +1,12 @@
 """Whether the distance zones of a settings file can protect together.
 
 Doubted, and told with the key and what would be right: a zone of a higher number that reaches less far, or
-trips sooner, than one of a lower number in the same direction and loops; a zone that reaches beyond the line,
-or behind the relay, and does not wait for what protects there; a ground loop that measures next to nothing; a
-zone that holds the load, or an area of loads that takes in a part of a zone without delay, or a swing's box
-around the load; that no zone trips, a PSOF that takes other things for a fault, an estimator that is none for
-zones.  Each may be meant - by a study, or
-by somebody who numbers zones in another way - so nothing is refused.  Only zones that trip count: one that
+trips sooner, than one of a lower number in the same direction and loops; a next zone that is not sure of the
+line's end; a zone that reaches beyond the line, or behind the relay, and does not wait for what protects
+there; a ground loop that measures next to nothing; a zone that holds the load, or an area of loads that takes
+in a part of a zone without delay, or a swing's box around the load; that no zone trips, a PSOF that takes
+other things for a fault, an estimator that is none for zones.  Each may be meant - by a study, or by somebody
+who numbers zones in another way - so nothing is refused.  Only zones that trip count: one that
 starts a scheme may reach where it likes.
 """
 
@@ -33,6 +33,8 @@ SELECTIVE_MS = 100.0
 """Less than this and a zone does not wait for a fault beyond the line to be cleared there."""
 AT_MOST = 0.95
 """Of the line: a zone without delay, as transformers and the line's data have errors of 5 %."""
+AT_LEAST = 1.05
+"""Of the line: a zone that is sure of its end, for the same errors."""
 LEAST_OF_GROUND = 0.5
 """Of its phase loops' reach: what a zone's ground loops reach at least."""
 FARTHEST_PSOF = 3.0
@@ -68,7 +70,12 @@ def doubts(settings: RelaySettings) -> list[Doubt]:
     """What the zones are set to do that may not be meant."""
     extended = None if settings.rrec is None else settings.rrec.extension_zone  # beyond the line, and meant
     zones = [zone for zone in settings.tripping_zones if zone.table.zone != extended]
-    found = [*_beyond(settings, zones), *_under_load_area(settings), *_beside_the_zones(settings)]
+    found = [
+        *_beyond(settings, zones),
+        *_short_of_the_end(zones),
+        *_under_load_area(settings),
+        *_beside_the_zones(settings),
+    ]
     for one, other in combinations(zones, 2):
         near, far = sorted((one, other), key=lambda zone: zone.table.zone)
         if near.table.zone != far.table.zone and near.table.direction == far.table.direction:
@@ -160,6 +167,23 @@ def _beyond(settings: RelaySettings, zones: list[Zone]) -> Iterator[Doubt]:
         elif zone.table.direction == "none":
             what = f'"none" {trips} behind the relay, too; "forward" is usual, or {wait}'
             yield Doubt(f"{zone.key}.direction", what)
+
+
+def _short_of_the_end(zones: list[Zone]) -> Iterator[Doubt]:
+    """The next zone after those without delay, where neither is sure of the line's end: a fault there waits
+    for the one after it, or does not trip."""
+    ahead = [zone for zone in zones if zone.table.direction == "forward"]
+    for k in (0, 1):
+        at_once = [zone.along for zone in ahead if zone.delays[k] < SELECTIVE_MS]
+        later = sorted((z for z in ahead if SELECTIVE_MS <= z.delays[k] < math.inf), key=lambda z: z.along)
+        if at_once and later and max(at_once) < later[0].along < AT_LEAST:
+            zone, rest = later[0], [z for z in later if z.along >= AT_LEAST]
+            waits = (
+                f"waits {rest[0].delays[k]:g} ms for zone {rest[0].table.zone}" if rest else "does not trip"
+            )
+            what = f"{zone.along:.3g} of the line is not beyond it, with an error of 5 %"
+            yield Doubt(zone.reach_key, f"{what}: a fault at its end {waits}; 1.2 of the line is usual")
+            return
 
 
 def _beside_the_zones(settings: RelaySettings) -> Iterator[Doubt]:
