@@ -132,7 +132,11 @@ def test_the_cores_step_is_stable_and_near_at_the_plants_own(case: str, rate: in
         ({"class": "TPZ", "remanence_pu": -0.1}, "remanence_pu of class TPZ must be 0, not -0.1"),
         ({"class": "TPS"}, r"ct\[T\].class: input should be 'TPX', 'TPY' or 'TPZ'"),
         ({"time_constant_s": 0.1}, 'time_constant_s belongs to class = "TPY" or "TPZ"'),
-        ({"class": "TPY", "time_constant_s": 1e-4}, r"ct\[T\].time_constant_s: 0.0001 s is no more than"),
+        ({"class": "TPY", "time_constant_s": 1e-6}, r"time_constant_s must be at least 0.02 s .*, not 1e-06"),
+        (
+            {"class": "TPY", "time_constant_s": 0.02, "burden_ohm": [0.1, 5.0]},
+            r"ct\[T\].time_constant_s: 0.02 s is no more than",
+        ),
         (
             {"model": None},
             r'ct\[T\]: vs_v, burden_ohm without model = "saturating"; give it',
