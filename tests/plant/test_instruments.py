@@ -176,6 +176,16 @@ def test_an_ideal_one_may_keep_what_a_core_of_it_would_have() -> None:
             {"burden_va": 1e9},
             r"vt\[V\].circuit: passes 0.00 of the voltage at .* see ce_nf, lc_h and burden_va",
         ),
+        (
+            {"circuit": {"ce_nf": 100.0, "lc_h": 1.0, "rf_ohm": 1e6}},
+            r"vt\[V\].circuit: lc_h and ce_nf are tuned to 503.3 Hz, not 50; lc_h = 101.3 is in tune",
+        ),
+        (
+            {"circuit": {"ce_nf": 100.0, "rf_ohm": 1.7e5, "lf_h": 500.0, "cf_nf": 1.0}},
+            r"vt\[V\].circuit: lf_h and cf_nf are tuned to 225.1 Hz, not 50",
+        ),
+        ({"circuit": OWN | {"ce_nf": 1e9}}, r"vt\[V\].circuit.ce_nf: .* less than or equal to 10000"),
+        ({"circuit": OWN | {"tap_kv": 13e3}}, r"vt\[V\].circuit.tap_kv: .* less than or equal to 100"),
         ({"circuit": {"rf_ohm": 1e5}}, r"vt\[V\].circuit.ce_nf: missing"),
     ],
 )
