@@ -32,7 +32,8 @@ def figure(report: dict) -> str:
     """What its checks came to."""
     if report["failed"]:
         return f"failed: {report['failed']}"
-    checks = [{key: inf if one[key] is None else one[key] for key in one} for one in report["checks"]]
+    asked = [one for one in report["checks"] if one["cases"] != 0]
+    checks = [{key: inf if one[key] is None else one[key] for key in one} for one in asked]
     missed = [one for one in checks if one["status"] == "MISSED"]
     nearest = sorted(checks, key=lambda one: abs(one["margin"]) / (abs(one["limit"]) or 1.0))
     shown = checks if len(checks) <= MOST else [*missed, *nearest[:MOST]]

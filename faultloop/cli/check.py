@@ -98,7 +98,9 @@ def _campaign(file: Path) -> dict[str, Any]:
         "relays": list(first.settings),
         **cost_of(campaign.plan),
         "user_code": sorted({code for own in first.settings.values() for code in _code(own)}),
-        "warnings": [text for name, own in first.settings.items() for text in settings_doubts(own, name)],
+        "warnings": list(
+            dict.fromkeys(text for name, own in first.settings.items() for text in settings_doubts(own, name))
+        ),
     }
 
 

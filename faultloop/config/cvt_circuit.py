@@ -10,6 +10,7 @@ import cmath
 import math
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from numpy.polynomial import Polynomial
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -19,11 +20,15 @@ REACTOR_QUALITY = 100.0
 TANK_QUALITY = 50.0
 MISTUNED = 0.1
 """A circuit that passes the nominal frequency by so much more or less, or turned by as much, is none."""
+OFF_RESONANCE = 1.5
+"""Nor is one whose reactor, or tank, resonates at a frequency so many times higher or lower."""
 MAGNETIZING_VA = 30.0
 IRON_W = 20.0
 """Of the intermediate transformer, both at the tap's nominal voltage."""
 JW = Polynomial([0.0, 1.0])
 """The complex frequency, over the nominal angular frequency."""
+JW_OF_ALL = 1j * np.geomspace(0.1, 10.0, 60)
+"""Where circuits are compared."""
 
 Fraction = tuple[Polynomial, Polynomial]
 
@@ -31,7 +36,7 @@ Fraction = tuple[Polynomial, Polynomial]
 class CvtCircuit(Table):
     """Everything seen from the tap of the divider."""
 
-    ce_nf: Positive
+    ce_nf: Annotated[float, Field(gt=0, le=10_000)]
     """C1 + C2."""
     lc_h: Positive | None = None
     """Reactor; tuned to the capacitance at system frequency where not given."""
@@ -47,7 +52,7 @@ class CvtCircuit(Table):
     """... this inductance, of quality 50, beside ..."""
     cf_nf: Positive | None = None
     """... this capacitance; tuned to it at system frequency where not given."""
-    tap_kv: Positive = 13.0
+    tap_kv: Annotated[float, Field(gt=0, le=100)] = 13.0
     """Nominal voltage of the tap, to ground."""
 
     @model_validator(mode="after")
@@ -126,13 +131,31 @@ def chosen_circuit(circuit: Named | CvtCircuit, burden_va: float | None, frequen
     return found if burden_va is None else found.model_copy(update={"burden_va": burden_va})
 
 
+def differ(one: CvtCircuit, other: CvtCircuit, frequency_hz: float) -> float:
+    """The most by which their secondary voltages differ, of the tap's, up to ten times the frequency."""
+    passed = []
+    for circuit in (one, other):
+        over, under = circuit.transfer(2 * math.pi * frequency_hz)
+        passed.append(over(JW_OF_ALL) / under(JW_OF_ALL))
+    return float(np.abs(passed[0] - passed[1]).max())
+
+
 def what_mistunes(circuit: Named | CvtCircuit, burden_va: float | None, frequency_hz: float) -> str | None:
-    """What is wrong with a circuit that does not pass the nominal frequency; None where it does."""
+    """What is wrong with a circuit that does not pass the nominal frequency or is off tune; else None."""
     over, under = chosen_circuit(circuit, burden_va, frequency_hz).transfer(2 * math.pi * frequency_hz)
     passed = over(1j) / under(1j)
-    if abs(passed - 1) <= MISTUNED:
-        return None
-    return (
-        f"passes {abs(passed):.2f} of the voltage at {math.degrees(cmath.phase(passed)):.0f} degrees"
-        f" at {frequency_hz:g} Hz; a tuned circuit passes 1.00 at 0: see ce_nf, lc_h and burden_va"
-    )
+    if abs(passed - 1) > MISTUNED:
+        return (
+            f"passes {abs(passed):.2f} of the voltage at {math.degrees(cmath.phase(passed)):.0f} degrees"
+            f" at {frequency_hz:g} Hz; a tuned circuit passes 1.00 at 0: see ce_nf, lc_h and burden_va"
+        )
+    if isinstance(circuit, CvtCircuit):
+        for inductance, capacitance in (("lc_h", "ce_nf"), ("lf_h", "cf_nf")):
+            h, nf = getattr(circuit, inductance), getattr(circuit, capacitance)
+            if h is not None and nf is not None:
+                hz = 1 / (2 * math.pi * math.sqrt(h * nf * 1e-9))
+                if not 1 / OFF_RESONANCE < hz / frequency_hz < OFF_RESONANCE:
+                    tuned = h * (hz / frequency_hz) ** 2
+                    what = f"{inductance} and {capacitance} are tuned to {hz:.4g} Hz, not {frequency_hz:g}"
+                    return f"{what}; {inductance} = {tuned:.4g} is in tune"
+    return None

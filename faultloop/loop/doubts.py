@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from faultloop.config.cvt_circuit import chosen_circuit, differ
 from faultloop.config.place import RelayPlace
 from faultloop.loop.scenario import Scenario
 from faultloop.plant import Plant
+from faultloop.plant.series_capacitor import SeriesCapacitor
+from faultloop.plant.vt import Vt
 from faultloop.relay import RelaySettings
-from faultloop.relay.coordination import Doubt, load_doubts
+from faultloop.relay.coordination import SELECTIVE_MS, Doubt, along, load_doubts
 
 LEAST_LOAD_A = 1.0
 """Less current is no load: a line that is open, or charges a little."""
@@ -24,6 +28,12 @@ STUCK_MS = 1000.0
 ALIKE = 3.0
 """Impedances or voltages that differ by more are in other units, or of another line: a primary value where a
 secondary one is meant, ohms of a kilometre, volts for kilovolts."""
+SAME_CIRCUIT = 1 / 3
+"""Of the voltage: a circuit that passes so much more or less at some frequency is another one.  The named
+ones are 0.4 and more apart; a burden off by -50 and +25 %, 0.3 with A2, keeps zone 1 right
+(``bench/cvt.py --burden``)."""
+SAME_LINE = 0.15
+"""Of an impedance's size: zones leave that much for errors of a line's data and of transformers, not more."""
 TURN = np.exp(2j * np.pi / 3 * np.arange(3)) / 3
 
 
@@ -33,18 +43,28 @@ def settings_doubts(settings: RelaySettings, relay: str = "") -> list[str]:
 
 
 def scenario_doubts(scenario: Scenario, settings: Mapping[str, RelaySettings], plant: Plant) -> list[str]:
-    """The same of every relay of a scenario, with the load that ``plant`` begins with."""
-    found = []
+    """The same of every relay of a scenario, with the load that ``plant`` begins with.
+
+    What relays that share a file have in common is told once, what they have not with the relay's name."""
+    found: dict[str, list[str]] = {}
     samples = plant.history(round(scenario.system.sampling_hz / scenario.system.frequency_hz))
     for number, place in enumerate(scenario.relay):
         own = settings[place.name]
         v1, i1 = _positive_sequence(samples[:, number])
-        found += settings_doubts(own, place.name)
+        doubts = list(own.doubts)
         if abs(i1) >= LEAST_LOAD_A:
-            found += _told(own, place.name, load_doubts(own, complex(v1 / i1)))
-        found += _told(own, place.name, [*_standing(own, abs(v1), abs(i1))])
-        found += _told(own, place.name, [*_place_doubts(scenario, place, own)])
-    return found
+            doubts += load_doubts(own, complex(v1 / i1))
+        doubts += [*_standing(own, abs(v1), abs(i1)), *_place_doubts(scenario, place, own)]
+        for text in _told(own, place.name, doubts):
+            found.setdefault(text, []).append(place.name)
+    shared = Counter(own.path for own in settings.values())
+    told = []
+    for text, relays in found.items():
+        path = settings[relays[0]].path
+        names = ", ".join(f"relay '{name}'" for name in relays)
+        named = path is None or len(relays) == shared[path] or names in text
+        told.append(text if named else f"{text} ({names})")
+    return told
 
 
 def _positive_sequence(samples: np.ndarray) -> tuple[complex, complex]:
@@ -70,6 +90,10 @@ def _standing(settings: RelaySettings, volts: float, amperes: float) -> Iterator
                 least = amperes / settings.ct_ratio
                 what = f"{table.pickup_a:g} is below the load that the run begins with, {least:.4g} A"
                 yield Doubt(f"{key}[{number}].pickup_a", f"{what}: it starts at once; above that it is clear")
+    if settings.psof.trip and settings.amperes(settings.psof.current_a, math.inf) < amperes:
+        least = amperes / settings.ct_ratio
+        what = f"{settings.psof.current_a:g} is below the load that the run begins with, {least:.4g} A"
+        yield Doubt("psof.current_a", f"{what}: energising trips without a fault; above load and inrush")
     for key, sign in (("ptuv", 1), ("ptov", -1)):
         for number, table in enumerate(getattr(settings, key), settings.first_place):
             there = volts * size.get(table.quantity, math.inf) / settings.volts(1.0, 1.0)
@@ -100,8 +124,32 @@ def _place_doubts(scenario: Scenario, place: RelayPlace, settings: RelaySettings
         yield Doubt("line.z0m_ohm", what)
     if place.back_trip and settings.rbrf is None:
         yield Doubt("rbrf", f"missing: without it {named} never tells the breakers of back_trip to open")
+    yield from _voltage_transformer(scenario, place, settings)
     yield from _breaker_times(scenario, place, settings)
     yield from _units(scenario, place, settings)
+
+
+def _voltage_transformer(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
+    """What the settings say of it, and the scenario otherwise."""
+    own, there = settings.vt, next((vt for vt in scenario.all(Vt) if vt.name == place.vt), None)
+    has = "the scenario's one" if there is None else f"the scenario's [[vt]] '{there.name}'"
+    outcome = "zones without delay may reach beyond their end"
+    circuit = None if there is None or there.model == "ideal" else there.circuit
+    if own.kind == "ideal" and circuit is not None:
+        right = 'kind = "cvt" with its circuit, or leave kind out'
+        yield Doubt("vt.kind", f'"ideal", where {has} is capacitive: {outcome}; {right}')
+    elif own.circuit is not None and circuit is None:
+        what = "is ideal: its voltage is changed as if it were not, and"
+        yield Doubt("vt.kind", f'"cvt", where {has} {what} {outcome}; kind = "ideal"')
+    elif own.circuit is not None and circuit is not None and there is not None:
+        hz = settings.relay.frequency_hz
+        one, other = (
+            chosen_circuit(own.circuit, own.burden_va, hz),
+            chosen_circuit(circuit, there.burden_va, hz),
+        )
+        if (apart := differ(one, other, hz)) > SAME_CIRCUIT:
+            what = f"passes a voltage that differs by up to {100 * apart:.0f} % from that of {has}: {outcome}"
+            yield Doubt("vt.circuit", f"{what}; give the same circuit and burden_va")
 
 
 def _breaker_times(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
@@ -129,7 +177,7 @@ def _breaker_times(scenario: Scenario, place: RelayPlace, settings: RelaySetting
 
 
 def _units(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> Iterator[Doubt]:
-    """Values that are not those of the scenario's line and voltage, by far."""
+    """Values that are not those of the scenario's line and voltage: by far, and impedances by `SAME_LINE`."""
     line = next(line for line in scenario.line if line.name == place.line)
     unit = settings.ohm_ratio
     for key, own, there in (
@@ -145,6 +193,26 @@ def _units(scenario: Scenario, place: RelayPlace, settings: RelaySettings) -> It
             given = f"{own:.4g}, of {abs(own):.4g} in size," if isinstance(own, complex) else f"{own:g}"
             what = f"{given} is {abs(own) / abs(there):.3g} of what the scenario has, {abs(there):.4g}"
             yield Doubt(key, f"{what}; see the unit" + ("" if key.endswith("_us") else ", and relay.ohms"))
+        elif isinstance(own, complex):
+            banks = (bank.x_ohm for bank in scenario.all(SeriesCapacitor) if bank.line == line.name)
+            apart = min(abs(own - there), abs(own - there + 1j * sum(banks) / unit)) / abs(there)
+            if apart > SAME_LINE:
+                far = _too_far(settings, line.z1_ohm) if key == "line.z1_ohm" else ""
+                what = f"{_ohms(own)} is {100 * apart:.0f} % off what the scenario has, {_ohms(there)}{far}"
+                yield Doubt(key, f"{what}; give the line's own")
+
+
+def _ohms(z: complex) -> str:
+    return f"[{z.real:.4g}, {z.imag:.4g}]"
+
+
+def _too_far(settings: RelaySettings, line_ohm: complex) -> str:
+    """The first zone without delay that ends beyond the line as it is, and not as the settings have it."""
+    for zone in settings.tripping_zones:
+        reach = along(settings, zone.table, line_ohm)
+        if zone.table.direction != "reverse" and min(zone.delays) < SELECTIVE_MS and zone.along <= 1 < reach:
+            return f": zone {zone.table.zone} reaches {reach:.3g} of that"
+    return ""
 
 
 def _told(settings: RelaySettings, relay: str, doubts: list[Doubt]) -> list[str]:

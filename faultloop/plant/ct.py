@@ -30,6 +30,10 @@ MOST_REMANENCE = {"TPX": 1.0, "TPY": 0.1, "TPZ": 0.0}
 """Of a class (IEC 61869-2), per unit of the flux at `vs_v`, beyond which a closed core is saturated."""
 TIME_CONSTANT_S = {"TPX": math.inf, "TPY": 1.0, "TPZ": 0.06}
 """Secondary time constant of a class where none is given."""
+LEAST_TIME_CONSTANT_S = 0.02
+"""A third of TPZ's, the least of all classes: with less a core passes little of the system's frequency."""
+OF_A_CORE = ("vs_v", "rw_ohm", "burden_ohm", "remanence_pu", "time_constant_s")
+"""Keys that an ideal one has no use for."""
 NEGLIGIBLE = 1e-9
 """The curve is left out of a step where it would change the flux by less than this share."""
 TOLERANCE = 1e-13
@@ -44,7 +48,7 @@ class Ct(Instrument):
     first: ClassVar[int] = 3
 
     model: Literal["ideal", "saturating"] = "ideal"
-    """Without a transient of its own, or with saturation."""
+    """Without a transient of its own, or with saturation; to be given with `vs_v` and the like."""
     core: Literal["TPX", "TPY", "TPZ"] = Field(default="TPX", alias="class")
     """Closed core; small gaps; large ones."""
     vs_v: Positive | None = None
@@ -58,11 +62,15 @@ class Ct(Instrument):
     remanence_pu: Number = 0.0
     """Of the flux at `vs_v`, in all phases: TPX to 1, TPY to 0.1, TPZ none."""
     time_constant_s: Positive | None = None
-    """Secondary, of TPY (1 s where not given) and TPZ (60 ms)."""
+    """Secondary, of TPY (1 s where not given) and TPZ (60 ms); 20 ms and more."""
 
     @model_validator(mode="after")
     def _complete(self) -> Ct:
         if self.model == "ideal":
+            given = [key for key in OF_A_CORE if key in self.model_fields_set]
+            if given and "model" not in self.model_fields_set:
+                what = 'without model = "saturating"; give it, or model = "ideal" where they do not count'
+                raise ValueError(f"{', '.join(given)} {what}")
             return self
         if self.vs_v is None or self.burden_ohm is None:
             missing = "vs_v" if self.vs_v is None else "burden_ohm = [r, x]"
@@ -78,6 +86,9 @@ class Ct(Instrument):
             raise ValueError(f"remanence_pu of class {self.core} must be {must}, not {self.remanence_pu:g}")
         if self.time_constant_s is not None and self.core == "TPX":
             raise ValueError('time_constant_s belongs to class = "TPY" or "TPZ"')
+        if self.time_constant_s is not None and self.time_constant_s < LEAST_TIME_CONSTANT_S:
+            must = f"must be at least {LEAST_TIME_CONSTANT_S:g} s (TPZ 0.06, TPY 0.1 to 2)"
+            raise ValueError(f"time_constant_s {must}, not {self.time_constant_s:g}")
         return self
 
     @property

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import ClassVar, Literal, Self
 
 from faultloop.config.tables import Name, Poles, Seconds
+from faultloop.errors import InputError
 from faultloop.plant.breaker import Breaker
 from faultloop.plant.component import Component, PlantTables
 from faultloop.plant.elements.switch import Action
@@ -34,6 +35,11 @@ class Switching(Component):
     def check(self, tables: PlantTables) -> None:
         tables.find(Breaker, self.breaker, self.key("breaker"))
         tables.within_run(self.at_s, self.key("at_s"))
+        for other in tables.all(Switching):
+            same = (other.breaker, other.at_s) == (self.breaker, self.at_s) and other.mask & self.mask
+            if same and other.operation != self.operation:
+                what = f"switching '{other.name}' is to {other.operation} breaker '{self.breaker}' then, too"
+                raise InputError(f"{what}; give another time or other poles", key=self.key("at_s"))
 
     @property
     def mask(self) -> int:

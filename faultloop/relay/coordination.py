@@ -1,11 +1,12 @@
 """Whether the distance zones of a settings file can protect together.
 
 Doubted, and told with the key and what would be right: a zone of a higher number that reaches less far, or
-trips sooner, than one of a lower number in the same direction and loops; a zone that reaches beyond the line,
-or behind the relay, and does not wait for what protects there; a ground loop that measures next to nothing; a
-zone that holds the load, or an area of loads that takes in a part of a zone without delay, or a swing's box
-around the load.  Each may be meant - by a study, or
-by somebody who numbers zones in another way - so nothing is refused.  Only zones that trip count: one that
+trips sooner, than one of a lower number in the same direction and loops; a next zone that is not sure of the
+line's end; a zone that reaches beyond the line, or behind the relay, and does not wait for what protects
+there; a ground loop that measures next to nothing; a zone that holds the load, or an area of loads that takes
+in a part of a zone without delay, or a swing's box around the load; that no zone trips, a PSOF that takes
+other things for a fault, an estimator that is none for zones.  Each may be meant - by a study, or by somebody
+who numbers zones in another way - so nothing is refused.  Only zones that trip count: one that
 starts a scheme may reach where it likes.
 """
 
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from faultloop.relay.estimators.protection import refusal
 from faultloop.relay.functions import zload
 from faultloop.relay.functions.function import Polygon
 from faultloop.relay.functions.pdis import Pdis, polygons, reach_ohm
@@ -31,8 +33,12 @@ SELECTIVE_MS = 100.0
 """Less than this and a zone does not wait for a fault beyond the line to be cleared there."""
 AT_MOST = 0.95
 """Of the line: a zone without delay, as transformers and the line's data have errors of 5 %."""
+AT_LEAST = 1.05
+"""Of the line: a zone that is sure of its end, for the same errors."""
 LEAST_OF_GROUND = 0.5
 """Of its phase loops' reach: what a zone's ground loops reach at least."""
+FARTHEST_PSOF = 3.0
+"""Of the line: what PSOF reaches at most, to be sure of its end behind a strong infeed there."""
 CLEAR_OF_LOAD = 0.8
 """Of the load's impedance: a zone that reaches less far along it is clear of it."""
 SAME = 1e-3
@@ -64,7 +70,12 @@ def doubts(settings: RelaySettings) -> list[Doubt]:
     """What the zones are set to do that may not be meant."""
     extended = None if settings.rrec is None else settings.rrec.extension_zone  # beyond the line, and meant
     zones = [zone for zone in settings.tripping_zones if zone.table.zone != extended]
-    found = [*_beyond(settings, zones), *_under_load_area(settings)]
+    found = [
+        *_beyond(settings, zones),
+        *_short_of_the_end(zones),
+        *_under_load_area(settings),
+        *_beside_the_zones(settings),
+    ]
     for one, other in combinations(zones, 2):
         near, far = sorted((one, other), key=lambda zone: zone.table.zone)
         if near.table.zone != far.table.zone and near.table.direction == far.table.direction:
@@ -98,13 +109,13 @@ def _zone(settings: RelaySettings, key: str, table: Pdis) -> Zone:
         table.delay_ms if own is None else own for own in (table.delay_ground_ms, table.delay_phase_ms)
     )
     delays = (ground if table.loops != "phase" else math.inf, phase if table.loops != "ground" else math.inf)
-    return Zone(key, table, _along(settings, table), delays, polygons(settings, table)[1])
+    return Zone(key, table, along(settings, table, settings.z1_ohm), delays, polygons(settings, table)[1])
 
 
-def _along(settings: RelaySettings, table: Pdis) -> float:
-    """How far a zone reaches for bolted faults, per unit of the line: to where its circle, or its reactance
-    line, crosses it."""
-    reach, line = reach_ohm(settings, table), settings.z1_ohm
+def along(settings: RelaySettings, table: Pdis, line: complex) -> float:
+    """How far a zone reaches for bolted faults, per unit of a line of that impedance, primary: to where its
+    circle, or its reactance line, crosses it."""
+    reach = reach_ohm(settings, table)
     if table.characteristic == "mho":
         return abs(reach / line) * math.cos(cmath.phase(reach) - cmath.phase(line))
     tilt = cmath.rect(1.0, math.radians(table.tilt_deg))
@@ -156,6 +167,44 @@ def _beyond(settings: RelaySettings, zones: list[Zone]) -> Iterator[Doubt]:
         elif zone.table.direction == "none":
             what = f'"none" {trips} behind the relay, too; "forward" is usual, or {wait}'
             yield Doubt(f"{zone.key}.direction", what)
+
+
+def _short_of_the_end(zones: list[Zone]) -> Iterator[Doubt]:
+    """The next zone after those without delay, where neither is sure of the line's end: a fault there waits
+    for the one after it, or does not trip."""
+    ahead = [zone for zone in zones if zone.table.direction == "forward"]
+    for k in (0, 1):
+        at_once = [zone.along for zone in ahead if zone.delays[k] < SELECTIVE_MS]
+        later = sorted((z for z in ahead if SELECTIVE_MS <= z.delays[k] < math.inf), key=lambda z: z.along)
+        if at_once and later and max(at_once) < later[0].along < AT_LEAST:
+            zone, rest = later[0], [z for z in later if z.along >= AT_LEAST]
+            waits = (
+                f"waits {rest[0].delays[k]:g} ms for zone {rest[0].table.zone}" if rest else "does not trip"
+            )
+            what = f"{zone.along:.3g} of the line is not beyond it, with an error of 5 %"
+            yield Doubt(zone.reach_key, f"{what}: a fault at its end {waits}; 1.2 of the line is usual")
+            return
+
+
+def _beside_the_zones(settings: RelaySettings) -> Iterator[Doubt]:
+    """What they are measured by, whether they trip, and what trips without them."""
+    method, psof = settings.estimator.method, settings.psof
+    reason = refusal(method)
+    if reason is not None and settings.pdis:
+        what = f"'{method}' is none for distance zones, taken as unsafe = true: {reason}"
+        yield Doubt("estimator.method", f"{what}; 'kalman-bank' is safe")
+    if settings.pdis and not settings.tripping_zones and settings.psch is None:
+        numbers = sorted({zone.zone for zone in settings.pdis})
+        yield Doubt(
+            "ptrc.zones", f"[]: no zone trips, of {numbers}; name those that do, or leave it out for all"
+        )
+    cycle_ms = 1e3 / settings.relay.frequency_hz
+    if psof.trip and psof.delay_ms < cycle_ms:
+        what = f"{psof.delay_ms:g} is shorter than the estimator's window and an inrush's first peak"
+        yield Doubt("psof.delay_ms", f"{what}: energising may trip without a fault; 25 is usual")
+    if psof.trip and psof.reach_pu > FARTHEST_PSOF:
+        what = f"{psof.reach_pu:g} of the line takes a fault far beyond it, or a load, for one on it"
+        yield Doubt("psof.reach_pu", f"{what}; 1.2 is usual")
 
 
 def _under_load_area(settings: RelaySettings) -> Iterator[Doubt]:

@@ -1,7 +1,8 @@
 """What a suite ends with: tables, checks against limits, figures; as text, one JSON object, or a page.
 
-A limit is held, missed, or one that nobody could hold: a published figure beyond a bound that is stated with
-its reason.  Only what is missed makes a suite fail.
+A limit is held, missed, not asked for where there were no cases (``--quick`` has few), or one that nobody
+could hold: a published figure beyond a bound that is stated with its reason.  Only what is missed makes a
+suite fail.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ class Check:
     ----------
     bound : the best that anything could do, where that is known.  A limit beyond it is no failure.
     because : what shows the bound, for the reader.
+    cases : how many it is over, where they are counted.  Over none it is neither held nor missed.
     """
 
     what: str
@@ -45,6 +47,12 @@ class Check:
     at_least: bool = False
     bound: float | None = None
     because: str = ""
+    cases: int | None = None
+
+    @classmethod
+    def none_of(cls, what: str, count: float, cases: int) -> Check:
+        """None of so many cases."""
+        return cls(f"{what}, of {cases}", float(count), 0.0, cases=cases)
 
     @property
     def margin(self) -> float:
@@ -52,22 +60,34 @@ class Check:
         return float(self.value - self.limit if self.at_least else self.limit - self.value)
 
     @property
+    def asked(self) -> bool:
+        """There were cases."""
+        return self.cases != 0
+
+    @property
     def held(self) -> bool:
-        """A NaN never holds."""
-        return self.margin >= 0
+        """A NaN never holds, nor what is over no cases."""
+        return self.asked and self.margin >= 0
+
+    @property
+    def missed(self) -> bool:
+        """What makes a suite fail."""
+        return self.asked and not (self.held or self.out_of_reach)
 
     @property
     def out_of_reach(self) -> bool:
         """Not held, and the limit lies beyond the bound."""
-        if self.held or self.bound is None or math.isnan(self.value):
+        if self.held or not self.asked or self.bound is None or math.isnan(self.value):
             return False
         return self.bound < self.limit if self.at_least else self.bound > self.limit
 
     @property
     def verdict(self) -> str:
-        """``held``, ``MISSED``, or ``published, not reached: bound`` with the bound."""
+        """``held``, ``MISSED``, ``not asked``, or ``published, not reached: bound`` with the bound."""
         if self.held:
             return "held"
+        if not self.asked:
+            return "not asked"
         if not self.out_of_reach:
             return "MISSED"
         return f"published, not reached: bound {cell(self.bound)}{f' {self.unit}'.rstrip()}"
@@ -99,7 +119,7 @@ class Report:
     @property
     def held(self) -> bool:
         """No limit was missed but those that nobody could hold."""
-        return not self.failed and all(check.held or check.out_of_reach for check in self.checks)
+        return not self.failed and not any(check.missed for check in self.checks)
 
     def as_dict(self) -> dict[str, Any]:
         """For ``--json``."""

@@ -132,7 +132,16 @@ def test_the_cores_step_is_stable_and_near_at_the_plants_own(case: str, rate: in
         ({"class": "TPZ", "remanence_pu": -0.1}, "remanence_pu of class TPZ must be 0, not -0.1"),
         ({"class": "TPS"}, r"ct\[T\].class: input should be 'TPX', 'TPY' or 'TPZ'"),
         ({"time_constant_s": 0.1}, 'time_constant_s belongs to class = "TPY" or "TPZ"'),
-        ({"class": "TPY", "time_constant_s": 1e-4}, r"ct\[T\].time_constant_s: 0.0001 s is no more than"),
+        ({"class": "TPY", "time_constant_s": 1e-6}, r"time_constant_s must be at least 0.02 s .*, not 1e-06"),
+        (
+            {"class": "TPY", "time_constant_s": 0.02, "burden_ohm": [0.1, 5.0]},
+            r"ct\[T\].time_constant_s: 0.02 s is no more than",
+        ),
+        (
+            {"model": None},
+            r'ct\[T\]: vs_v, burden_ohm without model = "saturating"; give it',
+        ),
+        ({"model": None, "vs_v": None, "burden_ohm": None, "rw_ohm": 1.0}, "rw_ohm without model"),
         ({"vs_v": 0.05}, r"ct\[T\].vs_v: the load alone needs .* times the flux at vs_v; give a higher vs_v"),
         ({"ratio": [1000]}, r"ct\[T\].ratio: needs 2 numbers"),
         ({"ratio": [1000, 0]}, r"ct\[T\].ratio"),
@@ -141,6 +150,12 @@ def test_the_cores_step_is_stable_and_near_at_the_plants_own(case: str, rate: in
 def test_wrong_current_transformers(ct: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         measured(ct=ct)
+
+
+def test_an_ideal_one_may_keep_what_a_core_of_it_would_have() -> None:
+    """So a campaign varies the model alone."""
+    measured(ct={"model": "ideal"})
+    measured(ct={"model": None, "vs_v": None, "burden_ohm": None})
 
 
 @pytest.mark.parametrize(
@@ -161,6 +176,16 @@ def test_wrong_current_transformers(ct: dict[str, Any], message: str) -> None:
             {"burden_va": 1e9},
             r"vt\[V\].circuit: passes 0.00 of the voltage at .* see ce_nf, lc_h and burden_va",
         ),
+        (
+            {"circuit": {"ce_nf": 100.0, "lc_h": 1.0, "rf_ohm": 1e6}},
+            r"vt\[V\].circuit: lc_h and ce_nf are tuned to 503.3 Hz, not 50; lc_h = 101.3 is in tune",
+        ),
+        (
+            {"circuit": {"ce_nf": 100.0, "rf_ohm": 1.7e5, "lf_h": 500.0, "cf_nf": 1.0}},
+            r"vt\[V\].circuit: lf_h and cf_nf are tuned to 225.1 Hz, not 50",
+        ),
+        ({"circuit": OWN | {"ce_nf": 1e9}}, r"vt\[V\].circuit.ce_nf: .* less than or equal to 10000"),
+        ({"circuit": OWN | {"tap_kv": 13e3}}, r"vt\[V\].circuit.tap_kv: .* less than or equal to 100"),
         ({"circuit": {"rf_ohm": 1e5}}, r"vt\[V\].circuit.ce_nf: missing"),
     ],
 )

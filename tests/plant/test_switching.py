@@ -100,6 +100,16 @@ def test_wrong_switching(item: dict[str, Any], message: str) -> None:
         Scenario.from_dict(scenario(switching=[{"breaker": "QA", "operation": "open", "at_s": 0.1} | item]))
 
 
+def test_a_breaker_does_not_open_and_close_at_once() -> None:
+    one = {"breaker": "QA", "operation": "open", "at_s": 0.1}
+    with pytest.raises(
+        InputError, match=r"switching\[S1\].at_s: switching 'S2' is to close breaker 'QA' then"
+    ):
+        Scenario.from_dict(scenario(switching=[one, one | {"operation": "close"}]))
+    for other in ({"poles": "B"}, {"at_s": 0.11}, {"breaker": "QB"}):
+        Scenario.from_dict(scenario(switching=[one | {"poles": "A"}, one | {"operation": "close"} | other]))
+
+
 @pytest.mark.parametrize(
     ("item", "message"),
     [

@@ -241,6 +241,69 @@ def test_check_and_run_tell_it(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert list(result.warnings) == told
 
 
+ZONE4 = {"zone": 4, "reach_pu": 2.0, "delay_ms": 1000.0}
+
+
+@pytest.mark.parametrize(
+    ("zones", "told"),
+    [
+        (
+            [ZONE1, ZONE2 | {"reach_pu": 0.95}, ZONE4],
+            "a fault at its end waits 1000 ms for zone 4; 1.2 of the",
+        ),
+        (
+            [ZONE1, ZONE2 | {"reach_pu": 1.0}],
+            "1 of the line is not beyond it, with an error of 5 %: a fault at",
+        ),
+        ([ZONE1, ZONE2 | {"delay_ground_ms": 50.0}], "beyond the line"),
+        ([ZONE1, ZONE2 | {"reach_pu": 1.06}], None),
+        ([ZONE1], None),
+        ([ZONE2 | {"reach_pu": 0.95}], None),
+        ([ZONE1, ZONE2 | {"reach_pu": 0.95, "direction": "reverse"}, ZONE4], None),
+    ],
+)
+def test_a_next_zone_that_is_not_sure_of_the_line_s_end(
+    zones: list[dict[str, Any]], told: str | None
+) -> None:
+    found = settings(*zones).doubts
+    assert len(found) == (told is not None), found
+    assert all(doubt.key == "pdis[2].reach_pu" and str(told) in doubt.text for doubt in found), found
+
+
+@pytest.mark.parametrize(
+    ("tables", "told"),
+    [
+        ({"ptrc": {"zones": []}}, "ptrc.zones: []: no zone trips, of [1, 2]; name those that do"),
+        ({"psof": {"delay_ms": 0.0}}, "psof.delay_ms: 0 is shorter than the estimator's window"),
+        (
+            {"psof": {"reach_pu": 10.0}},
+            "psof.reach_pu: 10 of the line takes a fault far beyond it, or a load",
+        ),
+        (
+            {"estimator": {"method": "ekf", "unsafe": True}},
+            "estimator.method: 'ekf' is none for distance zones, taken as unsafe = true: it has no state for",
+        ),
+    ],
+)
+def test_what_stands_beside_the_zones_is_told(tables: dict[str, Any], told: str) -> None:
+    (doubt,) = settings(ZONE1, ZONE2, **tables).doubts
+    assert f"{doubt.key}: {doubt.text}".startswith(told)
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        {"ptrc": {"zones": [1]}},
+        {"ptrc": {"zones": [], "pilot_zone": 2}, "psch": {"type": "pott"}},
+        {"psof": {"delay_ms": 20.0, "reach_pu": 1.5}},
+        {"psof": {"delay_ms": 0.0, "reach_pu": 10.0, "trip": False}},
+        {"estimator": {"method": "fourier", "unsafe": True}},
+    ],
+)
+def test_what_may_stand_beside_the_zones_is_not(tables: dict[str, Any]) -> None:
+    assert settings(ZONE1, ZONE2, **tables).doubts == []
+
+
 CVT = '[[vt]]\nname = "V"\nratio = [220000, 110]\nmodel = "cvt"\n'
 
 

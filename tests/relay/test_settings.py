@@ -59,6 +59,8 @@ def test_a_short_file_is_enough() -> None:
         ("relay.sampling_hz", "4800", "relay.sampling_hz", "integer"),
         ("ptrc.zones", [1, 4], "ptrc.zones", "no zone 4"),
         ("rdir.z2_reverse_pu", 0.1, "rdir", "above z2_forward_pu"),
+        ("psof.delay_ms", 500.0, "psof", "below armed_ms, 500, not 500: it would never operate"),
+        ("psof.armed_ms", 20.0, "psof", "below armed_ms, 20, not 25"),
         ("element", [{"name": "PDIS9", "function": "math:sqrt"}], "element[PDIS9].name", "taken"),
     ],
 )

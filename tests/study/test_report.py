@@ -35,6 +35,11 @@ from faultloop.study.suites import SUITES
         (Check("a", 3.0, 2.0, bound=1.5, because="x"), "MISSED", False),
         (Check("a", float("nan"), 2.0, bound=2.5, because="x"), "MISSED", False),
         (Check("a", 80.0, 78.0, "%", True, 42.0, "wrong bound"), "held", True),
+        (Check.none_of("a", 0.0, 3), "held", True),
+        (Check.none_of("a", 1.0, 3), "MISSED", False),
+        # Over no cases it is neither.
+        (Check.none_of("a", 0.0, 0), "not asked", True),
+        (Check("a", float("nan"), 2.0, cases=0), "not asked", True),
     ],
 )
 def test_a_check_is_held_missed_or_beyond_a_bound(check: Check, status: str, counts: bool) -> None:
@@ -45,6 +50,7 @@ def test_a_check_is_held_missed_or_beyond_a_bound(check: Check, status: str, cou
     assert status.startswith(str(shown.rows[0][0]))
     assert (check.because in shown.note) is check.out_of_reach or not check.because
     assert report.as_dict()["checks"][0]["status"] == status
+    assert report.as_dict()["checks"][0]["held"] is (status == "held")
 
 
 def test_held_is_a_boolean_in_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -54,12 +54,14 @@ class FigureCheck(TypedDict):
     """The best that anything could do, where that is known."""
     because: str
     """What shows the bound."""
+    cases: int | None
+    """How many it is over, where they are counted; over none it is not asked."""
     margin: float | None
     """How far on the right side; negative where missed."""
     held: bool
     """Whether it is."""
     status: str
-    """The same in words: held, MISSED, or published and not reached."""
+    """The same in words: held, MISSED, not asked (there were no cases), or published and not reached."""
 
 
 @told

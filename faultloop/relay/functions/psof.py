@@ -24,6 +24,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from pydantic import model_validator
+
 from faultloop.config.tables import Milliseconds, Positive, Table
 from faultloop.jit import njit
 from faultloop.relay.functions.function import Function
@@ -66,7 +68,7 @@ class Psof(Table):
     dead_ms: Milliseconds = 200.0
     """So long without current and voltage is a dead line."""
     armed_ms: Milliseconds = 500.0
-    """From the first current on."""
+    """From the first current on; above ``delay_ms``."""
     delay_ms: Milliseconds = 25.0
     """So long the impedance must stay inside: longer than the estimator's window and an inrush's first
     peak."""
@@ -74,6 +76,13 @@ class Psof(Table):
     """A phase current that trips without any voltage; above load and inrush.  Left out: none does."""
     trip: bool = True
     """Whether it trips, or only starts and operates."""
+
+    @model_validator(mode="after")
+    def _within_its_time(self) -> Psof:
+        if self.delay_ms >= self.armed_ms:
+            what = f"delay_ms must be below armed_ms, {self.armed_ms:g}, not {self.delay_ms:g}"
+            raise ValueError(f"{what}: it would never operate")
+        return self
 
 
 def values(settings: RelaySettings, table: Psof) -> dict[str, Any]:

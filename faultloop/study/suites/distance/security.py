@@ -79,4 +79,4 @@ def wrong_table(title: str, found: list[Wrong]) -> Table:
 
 def wrong_checks(found: list[Wrong]) -> list[Check]:
     """None of each."""
-    return [Check(f"{w.what}: operated, of {w.cases}", float(w.operated), 0.0) for w in found]
+    return [Check.none_of(f"{w.what}: operated", w.operated, w.cases) for w in found]

@@ -49,7 +49,11 @@ def report_of(name: str, title: str, rows: Sequence[Row]) -> Report:
             f"{len(rows)} rows, {sum(row.right for row in rows)} right; only wrong ones are listed."
         ]
     report.tables = [Table(title, COLUMNS, shown)] if shown else []
-    report.checks = [Check(f"{title}: wrong of {len(rows)}", float(sum(not row.right for row in rows)), 0.0)]
+    report.checks = [
+        Check(
+            f"{title}: wrong of {len(rows)}", float(sum(not row.right for row in rows)), 0.0, cases=len(rows)
+        )
+    ]
     timed = [row for row in rows if math.isfinite(row.ms)]
     if timed:
         curves = []

@@ -122,18 +122,18 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     for relay in ("MHO", "QUAD"):
         told = ZONES[relay]
         report.checks += [
-            Check(f"{told}, fault at the far bus: operated, of {len(beyond)}", _count(beyond, relay), 0.0),
-            Check(f"{told}, fault behind: operated, of {len(behind)}", _count(behind, relay), 0.0),
+            Check.none_of(f"{told}, fault at the far bus: operated", _count(beyond, relay), len(beyond)),
+            Check.none_of(f"{told}, fault behind: operated", _count(behind, relay), len(behind)),
         ]
         close = every.between("depth", 0, CLOSE_IN[-1])
         times = close.times(relay)
         report.checks += [
-            Check(f"{told}, close-in fault: not operated, of {len(close)}", float(times.missed), 0.0),
-            Check(f"{told}, close-in fault: longest", times.at(1.0), CLOSE_IN_MS, "ms"),
+            Check.none_of(f"{told}, close-in fault: not operated", times.missed, len(close)),
+            Check(f"{told}, close-in fault: longest", times.at(1.0), CLOSE_IN_MS, "ms", cases=len(close)),
         ]
     report.checks += [
-        Check(f"{ZONES['FWD']}, fault behind: operated, of {len(behind)}", _count(behind, "FWD"), 0.0),
-        Check(f"{ZONES['REV']}, fault ahead: operated, of {len(ahead)}", _count(ahead, "REV"), 0.0),
+        Check.none_of(f"{ZONES['FWD']}, fault behind: operated", _count(behind, "FWD"), len(behind)),
+        Check.none_of(f"{ZONES['REV']}, fault ahead: operated", _count(ahead, "REV"), len(ahead)),
     ]
 
 

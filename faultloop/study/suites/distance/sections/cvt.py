@@ -155,9 +155,9 @@ def _check(report: Report, rows: Rows) -> None:
                 for told in TOLD:
                     own = rows.only(circuit=circuit, place=place, told=told).between("sir", 0, most)
                     if len(own):
-                        where = f"fault at {100 * place:g} %, SIR to {most:g}: operated, of {len(own)}"
-                        operated = float(own.tripped(RELAY).sum())
-                        report.checks.append(Check(f"{circuit}, told {told}, {where}", operated, 0.0))
+                        where = f"fault at {100 * place:g} %, SIR to {most:g}: operated"
+                        what, operated = f"{circuit}, told {told}, {where}", own.tripped(RELAY).sum()
+                        report.checks.append(Check.none_of(what, operated, len(own)))
     near = rows.only(told=TOLD[0]).between("place", 0, 0.3).between("sir", 0, 5)
     half = rows.only(told=TOLD[1]).between("place", 0, 0.5)
     for circuit in near.values("circuit"):

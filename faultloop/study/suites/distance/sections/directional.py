@@ -64,14 +64,14 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     for relay in ("MHO", "QUAD", "FWD"):
         times = ahead.times(relay)
         report.checks += [
-            Check(f"{ZONES[relay]}, close-in ahead: not operated, of {len(ahead)}", float(times.missed), 0.0),
-            Check(f"{ZONES[relay]}, close-in ahead: worst", times.at(1.0), SLOWEST_MS, "ms"),
+            Check.none_of(f"{ZONES[relay]}, close-in ahead: not operated", times.missed, len(ahead)),
+            Check(
+                f"{ZONES[relay]}, close-in ahead: worst", times.at(1.0), SLOWEST_MS, "ms", cases=len(ahead)
+            ),
         ]
     near = behind.pick(behind["depth"] > -0.3)
     missed = near.times("REV").missed
-    report.checks.append(
-        Check(f"reverse zone, within 30 % behind: not operated, of {len(near)}", float(missed), 0.0)
-    )
+    report.checks.append(Check.none_of("reverse zone, within 30 % behind: not operated", missed, len(near)))
 
 
 def _close_in(rows: Rows) -> Table:

@@ -81,11 +81,11 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     for relay, method in taken.items():
         for name, mask in _places(every).items():
             own = every.pick(mask)
-            what = f"{method}: zone 1 for a fault {name}: operated, of {len(own)}"
-            report.checks.append(Check(what, float(own.tripped(relay).sum()), 0.0))
+            what = f"{method}: zone 1 for a fault {name}: operated"
+            report.checks.append(Check.none_of(what, own.tripped(relay).sum(), len(own)))
         missed = _times(inside, relay).missed
         report.checks.append(
-            Check(f"{method}: to 60 % of the line: not operated, of {len(inside)}", float(missed), 0.0)
+            Check.none_of(f"{method}: to 60 % of the line: not operated", missed, len(inside))
         )
 
 

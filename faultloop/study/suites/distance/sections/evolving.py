@@ -75,14 +75,14 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     report.diagrams.append(Diagram(title, "ms between the faults", "ms", curves, limits, y_range=(0, 100)))
     for relay in RELAYS:
         outside = every.pick(every["first"] != "inside")
-        what = f"{relay.lower()}: operated before a fault was on the line, of {len(outside)}"
-        report.checks.append(Check(what, float(early[relay].sum()), 0.0))
+        what = f"{relay.lower()}: operated before a fault was on the line"
+        report.checks.append(Check.none_of(what, early[relay].sum(), len(outside)))
         inside = every.only(first="inside")
         times = _times(inside, relay)
         what = f"{relay.lower()}, evolving on the line"
         report.checks += [
-            Check(f"{what}: not operated, of {len(inside)}", float(times.missed), 0.0),
-            Check(f"{what}: longest", times.at(1.0), SLOWEST_MS, "ms"),
+            Check.none_of(f"{what}: not operated", times.missed, len(inside)),
+            Check(f"{what}: longest", times.at(1.0), SLOWEST_MS, "ms", cases=len(inside)),
         ]
 
 

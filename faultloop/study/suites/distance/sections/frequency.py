@@ -65,8 +65,8 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     report.diagrams.append(_reach_diagram(faults))
     report.checks += wrong_checks(found)
     for relay in ("MHO", "QUAD"):
-        what = f"{relay.lower()}, to {100 * INSIDE[-1]:g} % of the line: not operated, of {len(inside)}"
-        report.checks.append(Check(what, float(inside.times(relay).missed), 0.0))
+        what = f"{relay.lower()}, to {100 * INSIDE[-1]:g} % of the line: not operated"
+        report.checks.append(Check.none_of(what, inside.times(relay).missed, len(inside)))
 
 
 def _close_to_reach(rows: Rows) -> np.ndarray:

@@ -61,8 +61,8 @@ def fill(report: Report, rows: Mapping[str, Rows]) -> None:
     inside = every.between("percent", 0, DEPENDABLE)
     for relay, name in RELAYS.items():
         missed = inside.times(relay).missed
-        what = f"{name}, to {DEPENDABLE} % of the reach, every SIR: not operated, of {len(inside)}"
-        report.checks.append(Check(what, float(missed), 0.0))
+        what = f"{name}, to {DEPENDABLE} % of the reach, every SIR: not operated"
+        report.checks.append(Check.none_of(what, missed, len(inside)))
 
 
 def _surface(rows: Rows, relay: str, part: float) -> Surface:

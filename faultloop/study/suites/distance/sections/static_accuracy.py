@@ -243,7 +243,7 @@ def _check(report: Report, on: Rows, off: list[Rows], ramps: list[Ramp]) -> None
         what = f"{name}, fault resistance: largest error"
         report.checks.append(Check(what, _worst_off(off, relay), OFF_ANGLE_LIMIT, "%"))
     ragged = sum(not _error(part, str(part["relay"][0]), "resistance")[1] for part in off)
-    report.checks.append(Check(f"points with more than one boundary, of {len(off)}", float(ragged), 0.0))
+    report.checks.append(Check.none_of("points with more than one boundary", ragged, len(off)))
     worst = max((abs(100 * r.operates / REACH - 100) for r in ramps), default=np.nan)
     report.checks += [
         Check("pseudo-continuous ramp: largest error", float(worst), RAMP_LIMIT, "%"),
