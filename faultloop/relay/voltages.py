@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from faultloop.jit import njit
 from faultloop.relay.memory import current_limit2, positive_sequence, size2
-from faultloop.relay.recent import SQRT2
+from faultloop.relay.recent import SQRT2, largest_current
 
 Record = Any
 
@@ -52,6 +52,8 @@ up to 40 degrees apart."""
 RINGS = 3.0
 """How much what the samples left of the phasor before, as variance, counts against a change: lines ring, with
 half of the fundamental 50 ms after a fault."""
+CURRENT_GONE = 0.1
+"""Of what it was: with less in a twelfth of a cycle, in which a sinusoid has 0.26, it is none."""
 LOOPS_OF = (0b101001, 0b011010, 0b110100)
 """Mask of the loops AG BG CG AB BC CA that a phase is in."""
 
@@ -148,8 +150,11 @@ def has_changed(g: Record, q: Record, phase: int, before2: float) -> bool:
     least = HAD[0] if g.ideal_vt and not g.in_front else HAD[1]
     if not had2 > least**2 * before2:
         return True
-    change2, limit2 = size2(q.d[3 + phase]), current_limit2(g, q.memory.reference)
-    if q.quiet_then[phase] and q.disturbed and change2 > limit2 and not (q.dead >> phase) & 1:
+    size = largest_current(q.recent, phase, max(g.values // 12, 1))
+    if size * size < 2.0 * CURRENT_GONE**2 * then2:
+        return False  # it has been lost as well
+    limit2 = current_limit2(g, q.memory.reference)
+    if q.quiet_then[phase] and q.disturbed and 4 * count <= g.cycle and size2(q.d[3 + phase]) > limit2:
         return True  # as soon as zones can see it
     rings = q.left2[phase] - q.left[phase] ** 2
     variance = q.residual2[phase] / count - (q.residual[phase] / count) ** 2 - RINGS * rings

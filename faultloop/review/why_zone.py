@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from faultloop.relay.characteristics import QUAD
 from faultloop.relay.functions.lphd import CAUSES as NOT_READY
+from faultloop.relay.functions.lphd import CURRENT as CURRENT_MISSING
+from faultloop.relay.functions.lphd import MISSING, READY, VANISHED
 from faultloop.relay.functions.pdis import MAX_ZONES
 from faultloop.relay.functions.phs import LOOP_MASK
 from faultloop.relay.quantities import FAULTS, LOOPS
@@ -180,7 +182,7 @@ def judge_zone(zone: Zone) -> Verdict:
         )
     stage, at = zone.stage, zone.at
     if stage == NONE:
-        return Verdict("quiet", None, "nothing happened: no disturbance, no blocking")
+        return _quiet(zone)
     m = float(np.median(zone.m[at]))
     called = "-".join(zone.called) if zone.called in LOOPS else zone.called
     told = m if np.isfinite(m) else None
@@ -194,6 +196,16 @@ def judge_zone(zone: Zone) -> Verdict:
     elif stage == REACH and _by_resistance(zone, at):
         cause, text = "resistance", "outside by resistance" + _parts(zone, at)
     return Verdict(cause, told, f"{where}, {text}")
+
+
+def _quiet(zone: Zone) -> Verdict:
+    """Nothing changed, or the relay was blind to it: what LPHD said for most of the time."""
+    causes = zone.shared["cause"][zone.shared["cause"] != READY]
+    if 2 * len(causes) > len(zone.facts.rows):
+        text = _BLIND.get(int(np.bincount(causes).argmax()))
+        if text is not None:
+            return Verdict("blocked", None, f"LPHD: {text}")
+    return Verdict("quiet", None, "nothing happened: no disturbance, no blocking")
 
 
 def _by_resistance(zone: Zone, at: NDArray[np.intp]) -> bool:
@@ -300,6 +312,11 @@ def _silent(zone: Zone, at: NDArray[np.intp]) -> str:
     return "operated, but [ptrc] zones does not let it trip"
 
 
+_BLIND = {
+    MISSING: "voltages cannot be relied on, and loops with their phases measure nothing",
+    CURRENT_MISSING: "the current of a phase is missing, and its loops and those to ground measure nothing",
+    VANISHED: "all currents went at one moment, and nothing is measured",
+}
 _TEXTS = {
     SETTLE: _unsettled, UNFED: _unfed, CURRENT: _too_little, TYPE: _unselected, LOOP: _unmeasured,
     SIDE: _side, FUSE: _fuse, SWING: _swing, REACH: _reach,

@@ -13,6 +13,7 @@ import faultloop
 from faultloop.config.toml_text import toml_text
 from faultloop.io.mcap_reader import open_log
 from faultloop.relay.explain import SHARED, ZONE
+from faultloop.relay.functions.lphd import CURRENT, MISSING, READY, VANISHED
 from faultloop.relay.layout import constants, instances
 from faultloop.relay.settings import RelaySettings
 from faultloop.review.retrace import retrace
@@ -40,17 +41,29 @@ def test_a_zone_without_delay_does_not_start_for_what_is_far_behind(
 ) -> None:
     """Released, forward, and inside by memory; with a delay, or less far, it may start, and where the samples
     alone say inside."""
+    verdict = judge_zone(made(m, alone, delay_ms))
+    assert verdict.cause == cause
+    assert ("behind the relay" in verdict.text) == (cause == "direction")
+    assert ("by the samples alone" in verdict.text) == (alone == 0.7)
+
+
+@pytest.mark.parametrize(
+    ("lphd", "words"), [(READY, "nothing happened"), (MISSING, "voltages cannot be relied on"),
+                        (CURRENT, "current of a phase is missing"), (VANISHED, "all currents went")]
+)  # fmt: skip
+def test_a_relay_that_is_blind_does_not_say_that_nothing_happened(lphd: int, words: str) -> None:
+    verdict = judge_zone(made(0.5, NAN, 0.0, unmeasured=0b111111, cause=lphd))
+    assert words in verdict.text
+    assert verdict.cause == ("quiet" if lphd == READY else "blocked")
+
+
+def made(m: float, alone: float, delay_ms: float, **more: int) -> Zone:
+    """A zone at an A-G fault ahead, 20 samples long."""
     pdis = [{"zone": 1, "reach_pu": 0.8, "delay_ms": delay_ms}]
     settings = RelaySettings.from_dict(GIVEN | {"pdis": pdis})
     shared, zones = np.zeros(20, SHARED), np.zeros((20, 1), ZONE)
-    for key, value in {
-        "ready": 1,
-        "disturbed": 1,
-        "fed": 1,
-        "fault": 1,
-        "released": 1,
-        "direction": 1,
-    }.items():
+    on = dict.fromkeys(("ready", "disturbed", "fed", "fault", "released", "direction"), 1)
+    for key, value in (on | more).items():
         shared[key] = value
     zones["m"], zones["x"], zones["uncharged"], zones["alone"] = m, m, m, alone
     zones["current"], zones["residual"] = 2.0, 2.0
@@ -59,10 +72,7 @@ def test_a_zone_without_delay_does_not_start_for_what_is_far_behind(
         constants=constants(settings, 96, instances(settings))[0],
     )  # fmt: skip
     facts: Any = SimpleNamespace(known=known, rows=np.arange(20), one=SimpleNamespace(number=0), zero=0)
-    verdict = judge_zone(Zone(facts, "AG"))
-    assert verdict.cause == cause
-    assert ("behind the relay" in verdict.text) == (cause == "direction")
-    assert ("by the samples alone" in verdict.text) == (alone == 0.7)
+    return Zone(facts, "AG")
 
 
 def logged(folder: Path, seed: int, number: int, fault: int, kind: str, *own: str) -> tuple[dict, Path]:
