@@ -152,7 +152,7 @@ def has_changed(g: Record, q: Record, phase: int, before2: float) -> bool:
         return True
     size = largest_current(q.recent, phase, max(g.values // 12, 1))
     if size * size < 2.0 * CURRENT_GONE**2 * then2:
-        return False  # it has been lost as well
+        return not (q.suspected >> phase) & 1  # with it, as a line that is opened; later, lost as well
     limit2 = current_limit2(g, q.memory.reference)
     if q.quiet_then[phase] and q.disturbed and 4 * count <= g.cycle and size2(q.d[3 + phase]) > limit2:
         return True  # as soon as zones can see it

@@ -19,11 +19,13 @@ from faultloop.relay.events import Event, Names, poles_text
 from faultloop.relay.functions.function import Function
 from faultloop.relay.memory import is_frequency, positive_sequence, size2
 from faultloop.relay.quantities import Record, indicate
+from faultloop.relay.voltages import carries
 
 if TYPE_CHECKING:
     from faultloop.relay.settings import RelaySettings
 
-READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, MISSING, CURRENT, VANISHED = range(10)
+READY, SETTLING, OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, FLOWING = range(8)
+MISSING, CURRENT, VANISHED = range(8, 11)
 ALL_PHASES = 7
 CAUSES = (
     "",
@@ -33,6 +35,7 @@ CAUSES = (
     "no voltage of known frequency",
     "the line carries what looks like a fault, and there is nothing from before it",
     "the voltage does not stand still",
+    "current flows, and there is no voltage",
 )
 
 
@@ -62,7 +65,7 @@ def cause(g: Record, q: Record) -> int:
     if q.memory.blind > 0:
         return OPENED
     if size2(positive_sequence(q.x)) <= g.minimum_voltage**2:
-        return VOLTAGE
+        return FLOWING if carries(g, q) else VOLTAGE
     if not is_frequency(g, q.frequency):
         return FREQUENCY
     return MOVING if q.sound else UNSOUND
@@ -76,7 +79,8 @@ def step(g: Record, q: Record, c: Record, w: Record) -> None:
     w.was_ready |= q.ready
     w.count = 0 if now == READY else w.count + 1
     late = 4 * w.count >= g.cycle if w.was_ready else w.count >= c.start
-    told = now == SETTLING or (w.cause != READY and now != UNSOUND)  # one cause is enough, but for this one
+    # one cause is enough, but for these two
+    told = now == SETTLING or (w.cause != READY and now != UNSOUND and now != FLOWING)
     if now != w.cause and (now in (READY, MISSING) or (late and not told)):
         w.cause = now
         w.missing = q.missing if now == CURRENT else ALL_PHASES & ~q.proven

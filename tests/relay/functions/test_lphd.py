@@ -7,6 +7,7 @@ import pytest
 
 from faultloop.relay.functions.lphd import (
     CAUSES,
+    FLOWING,
     FREQUENCY,
     LPHD,
     MISSING,
@@ -32,6 +33,8 @@ def not_ready(cause: int) -> Kernel:
     elif cause == OPENED:
         k.q["memory"]["blind"] = 1
     elif cause == VOLTAGE:
+        k.q["x"] = 0.0
+    elif cause == FLOWING:
         k.q["x"] = np.concatenate([np.zeros(3), HEALTHY[3:]])
     elif cause == FREQUENCY:
         k.q["frequency"] = np.nan
@@ -40,7 +43,7 @@ def not_ready(cause: int) -> Kernel:
     return k
 
 
-@pytest.mark.parametrize("cause", [OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING])
+@pytest.mark.parametrize("cause", [OPENED, VOLTAGE, FREQUENCY, UNSOUND, MOVING, FLOWING])
 def test_a_cause_is_told_after_the_start_once(cause: int) -> None:
     k = not_ready(cause)
     k.step(count=479)  # of 480 in 100 ms
@@ -50,6 +53,15 @@ def test_a_cause_is_told_after_the_start_once(cause: int) -> None:
     k.step(count=500)
     assert k.q["notices"] == 1
     assert CAUSES[cause]
+
+
+def test_current_that_comes_to_a_dead_line_and_no_voltage_with_it_is_told_as_well() -> None:
+    """Energised onto a three-phase fault at the relay's place, with a transformer that nobody has proven."""
+    k = not_ready(VOLTAGE)
+    k.step(count=600)
+    k.q["x"] = np.concatenate([np.zeros(3), HEALTHY[3:]])
+    k.step(count=30)
+    assert (k.w["cause"], k.q["notices"]) == (FLOWING, 2)
 
 
 def test_settling_is_what_every_start_has_and_not_told() -> None:
