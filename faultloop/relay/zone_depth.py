@@ -18,6 +18,7 @@ from faultloop.relay.characteristics import (
 from faultloop.relay.charging import charging_voltage
 from faultloop.relay.loop_fit import BEHIND, Sums, centred, doubted, fit, gather, window
 from faultloop.relay.memory import at_frequency, size2
+from faultloop.relay.saturation import is_saturated
 from faultloop.relay.standing import standing_depth
 from faultloop.relay.swing import UNBALANCED
 from faultloop.relay.unknown_vt import CENTRED_DOUBT, is_believed, is_believed_centred, weakness
@@ -42,6 +43,9 @@ bench/security.py, kind long, seed 97002, networks 1815 and 225).  And in the fi
 counts as what is left does, as a fault ahead is not there: beyond a line of 306 km m came from 1.6 to -0.2
 within 4 ms, with 0.1 left and a resistance (seed 97003, network 3856, one of 218,674).  Later it may be what
 infeed makes of a resistance."""
+SATURATED = 2.0
+"""Times as much it counts while a current of the loop has collapsed (`saturation`) within the window and the
+fit finds a resistance above `SURE_RESISTANCE`.  A fault close in leaves no more than its voltage."""
 BY_PHASORS, ALONE = -1.0, -2.0
 """In place of a doubt, which is not negative: by the phasors; by the samples where they may stand alone."""
 CHARGING = 1.25
@@ -128,6 +132,10 @@ def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: 
     characteristic for the impedance that was fitted, as phasors on their way cross it."""
     fitted = fit(sums, -1 if c.direction < 0 else 1)
     behind = BEHIND[2] if weakness(g, q) == 0.0 else doubt
+    resistive = abs(fitted[2]) > SURE_RESISTANCE * abs(c.reach)
+    matters = fitted[0] + SATURATED * doubt * fitted[1] >= 1.0
+    if resistive and matters and is_saturated(g, q.recent, loop, window(g, q.memory.age)):
+        doubt *= SATURATED
     m = doubted(fitted, c.direction, abs(c.reach), doubt, behind)
     if g.ideal_vt and c.direction != 0 and fitted[0] < 0.0:  # behind others it looks so by what they add
         m -= fitted[0] * (1.0 + doubt if doubt > DOUBT else 1.0)
