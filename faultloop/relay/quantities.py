@@ -135,6 +135,8 @@ QUANTITIES = np.dtype(
         ("current_then", "c16", (3,)),  # current of the phase when that began
         ("voltage2_then", "f8", (3,)),  # and its voltage, squared
         ("quiet_then", "i8", (3,)),  # there was no disturbance yet
+        ("moving_then", "i8", (3,)),  # there was one, and phasors were on their way
+        ("gone_with", "i8"),  # mask of phases whose voltage has gone with the current in this disturbance
         ("residual", "f8", (3,)),  # sum, since then, of how its samples differ from it
         ("residual2", "f8", (3,)),  # and of the squares
         ("left", "f8", (3,)),  # mean of what its samples leave of its phasor, before that
