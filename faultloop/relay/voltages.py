@@ -24,7 +24,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay.memory import current_limit2, positive_sequence, size2
+from faultloop.relay.memory import current_limit2, positive_sequence, size2, voltage_limit2
 from faultloop.relay.recent import SQRT2, largest_current
 
 Record = Any
@@ -126,7 +126,7 @@ def watch(g: Record, q: Record, sample: NDArray) -> None:
         if count == 0:
             q.current_then[phase], q.voltage2_then[phase] = q.x[3 + phase], had2
             q.quiet_then[phase] = 1 - q.disturbed
-            q.moving_then[phase] = q.disturbed and q.memory.age < max(g.settled, 3 * g.cycle // 4)
+            q.moving_then[phase] = is_moving(g, q, phase)
             q.residual[phase] = q.residual2[phase] = 0.0
         q.voltageless[phase] = count = count + 1
         if 2 * count > g.cycle + 1:
@@ -148,6 +148,18 @@ def watch(g: Record, q: Record, sample: NDArray) -> None:
 
 
 @njit
+def is_moving(g: Record, q: Record, phase: int) -> bool:
+    """Whether the phase's voltage or current has changed in a disturbance so young that its phasors are on
+    their way, and tell nothing of what a voltage was that goes then."""
+    if not q.disturbed or q.memory.age >= max(g.settled, 3 * g.cycle // 4):
+        return False
+    reference = q.memory.reference
+    if size2(q.d[phase]) > voltage_limit2(g, reference):
+        return True
+    return size2(q.d[3 + phase]) > current_limit2(g, reference)
+
+
+@njit
 def has_changed(g: Record, q: Record, phase: int, before2: float) -> bool:
     """Whether the phase's current has, since its voltage went; or there was too little of that to tell."""
     had2, then2, count = q.voltage2_then[phase], size2(q.current_then[phase]), q.voltageless[phase]
@@ -158,7 +170,7 @@ def has_changed(g: Record, q: Record, phase: int, before2: float) -> bool:
     if size * size < 2.0 * CURRENT_GONE**2 * then2:
         return not (q.suspected >> phase) & 1  # with it, as a line that is opened; later, lost as well
     limit2 = current_limit2(g, q.memory.reference)
-    if q.quiet_then[phase] and q.disturbed and size2(q.d[3 + phase]) > limit2:
+    if q.quiet_then[phase] and q.disturbed and 4 * count <= g.cycle and size2(q.d[3 + phase]) > limit2:
         return True  # as soon as zones can see it
     rings = q.left2[phase] - q.left[phase] ** 2
     variance = q.residual2[phase] / count - (q.residual[phase] / count) ** 2 - RINGS * rings
