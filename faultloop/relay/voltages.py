@@ -164,7 +164,7 @@ def has_changed(g: Record, q: Record, phase: int, before2: float) -> bool:
     """Whether the phase's current has, since its voltage went; or there was too little of that to tell."""
     had2, then2, count = q.voltage2_then[phase], size2(q.current_then[phase]), q.voltageless[phase]
     least = HAD[1] if g.in_front or not g.ideal_vt or (q.gone_with >> phase) & 1 else HAD[0]
-    if q.moving_then[phase] or not had2 > least**2 * before2:
+    if q.moving_then[phase] or not had2 > least**2 * before2 > 0.0:
         return True
     size = largest_current(q.recent, phase, max(g.values // 12, 1))
     if size * size < 2.0 * CURRENT_GONE**2 * then2:
