@@ -26,7 +26,12 @@ PER_PLACE = 4
 
 
 class View(NamedTuple):
-    """A fault as the relay at one end of A - B sees it; ``sir``: all behind it over the line's |Z1|."""
+    """A fault as the relay at one end of A - B sees it.
+
+    ``sir``: the drop from the source to the relay over that along the line, for a fault at the far bus (IEEE
+    C37.113; Thompson and Somani 2015): all behind the relay over the line's |Z1|, and twice that beside a
+    parallel line, which takes as much of the source's current as the line.
+    """
 
     where: str
     at: float
@@ -145,7 +150,8 @@ def view(case: dict[str, Any], end: int) -> View:
     """From A (0) or from B (1)."""
     z = math.hypot(case["line"]["r1_ohm_per_km"], case["line"]["x1_ohm_per_km"])
     source = math.hypot(*case["XC"[end]]["z1_ohm"]) + case[("near", "far")[end]] * z
-    sir, at = source / (z * case["length"]), 1 - case["at"] if end else case["at"]
+    sir = source / (z * case["length"]) * (2 if case["parallel"] else 1)
+    at = 1 - case["at"] if end else case["at"]
     where = case["where"]
     if where in ("behind", "beyond"):
         where, at = ("behind", 0.0) if (where == "behind") == (end == 0) else ("beyond", 1 + at)

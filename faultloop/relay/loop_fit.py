@@ -27,16 +27,17 @@ from faultloop.relay.recent import LENGTH
 Record = Any
 Drop = tuple[complex, complex]
 Means = tuple[int, int, int]
+Charge = tuple[float, float, float]
 Sums = tuple[float, float, float, float, float, float, float, float, float]
+Fit = tuple[float, float, float]
+"""m, what it leaves, r [ohm]."""
 
 SHORTEST, LONGEST = 4, 15
 """Tenths of a cycle: the window grows with the disturbance."""
-ALIKE = 0.05
-"""Three loops see one fault where each fit leaves less than this of the drop along the line, and where their
-m and resistances, per unit of the line, differ by less than this and this part of m."""
 FIRST = (0, 1, 2, 0, 1, 2)
 SECOND = (1, 2, 0, 1, 2, 0)
 SINGULAR = 1e-6
+UNCHARGED = (0.0, 0.0, 0.0)
 BEHIND = (0.1, 0.27, 0.25)
 """How far behind the relay m may be: for any fault, for its resistance over the reach, for what is left."""
 
@@ -53,6 +54,30 @@ def loop_values(r: Record, back: int, loop: int) -> tuple[float, float, float]:
 
 
 @njit
+def charged_values(r: Record, back: int, loop: int, charge: Charge) -> tuple[float, float, float]:
+    """`loop_values` with what the line's charging changes in them (`charging.charge_in_time`), but one value
+    earlier: a second difference wants one on either side."""
+    if charge[0] == 0.0:
+        return loop_values(r, back, loop)
+    v, i, n = loop_values(r, back + 1, loop)
+    of_loop, of_zero, of_drop = charge
+    head = r.head - back
+    new, now, old = (
+        r.value[head % LENGTH],
+        r.value[(head - 1) % LENGTH],
+        r.value[(head - 2) % LENGTH],
+    )
+    if loop < 3:
+        v0 = new[0] + new[1] + new[2] + old[0] + old[1] + old[2] - 2.0 * (now[0] + now[1] + now[2])
+        i0 = new[3] + new[4] + new[5] + old[3] + old[4] + old[5] - 2.0 * (now[3] + now[4] + now[5])
+        v += of_loop * (new[loop] + old[loop] - 2.0 * now[loop]) + of_zero * v0 / 3.0
+        return v, i + of_drop * i0 / 3.0, n + of_drop * i0
+    first, second = FIRST[loop], SECOND[loop]
+    bend = new[first] + old[first] - 2.0 * now[first] - new[second] - old[second] + 2.0 * now[second]
+    return v + of_loop * bend, i, n
+
+
+@njit
 def window(g: Record, age: int) -> int:
     """Values of the fit's, for a disturbance of this age [samples]: what still rings late is the slower the
     longer it has lasted, and wants a longer mean."""
@@ -60,10 +85,12 @@ def window(g: Record, age: int) -> int:
 
 
 @njit(heap=True)
-def gather(g: Record, r: Record, drop: Drop, loop: int, means: Means, window: int) -> Sums:
+def gather(
+    g: Record, r: Record, drop: Drop, loop: int, means: Means, window: int, charge: Charge = UNCHARGED
+) -> Sums:
     """Sums over the window of uu uv vv uf ff vf u v f: v the voltage, u the drop along the reach, f the
     fault's current, each averaged over ``means``, three counts of values, one after the other; ``drop``: the
-    reach [ohm], and its part for the residual.
+    reach [ohm], and its part for the residual; with a ``charge`` two values more are looked at.
 
     Travelling waves are no matter of R and L: each mean takes of them what the one before lets through, and
     three of a length leave the least that so many values can.
@@ -75,7 +102,7 @@ def gather(g: Record, r: Record, drop: Drop, loop: int, means: Means, window: in
     v = i = n = 0.0
     first = window + second + last - 2
     for j in range(first, first + mean):
-        dv, di, dn = loop_values(r, j, loop)
+        dv, di, dn = charged_values(r, j, loop, charge)
         v, i, n = v + dv, i + di, n + dn
     kept, kept_last = np.zeros((3, second)), np.zeros((3, last))
     sum_u = sum_v = sum_f = 0.0
@@ -84,8 +111,8 @@ def gather(g: Record, r: Record, drop: Drop, loop: int, means: Means, window: in
     u1 = v1 = f1 = 0.0
     for k in range(first):
         j = first - 1 - k
-        new_v, new_i, new_n = loop_values(r, j, loop)
-        old_v, old_i, old_n = loop_values(r, j + mean, loop)
+        new_v, new_i, new_n = charged_values(r, j, loop, charge)
+        old_v, old_i, old_n = charged_values(r, j + mean, loop, charge)
         dv, di, dn = new_v - old_v, new_i - old_i, new_n - old_n
         y = v + 0.5 * dv
         f = n + 0.5 * dn if loop < 3 else i + 0.5 * di
@@ -129,7 +156,7 @@ def centred(sums: Sums, window: int) -> Sums:
 
 
 @njit
-def fit(sums: Sums, sign: int) -> tuple[float, float, float]:
+def fit(sums: Sums, sign: int) -> Fit:
     """m, the root mean square of what is left over that of u, and r [ohm]; infinite without a current.  r is
     not negative for a loop that looks along ``sign``."""
     uu, uv, vv, uf, ff, vf, _, _, _ = sums
@@ -147,31 +174,7 @@ def fit(sums: Sums, sign: int) -> tuple[float, float, float]:
 
 
 @njit
-def pairs_alike(g: Record, r: Record, age: int) -> bool:
-    """Whether the three pairs see the same impedance in time: a three-phase fault, or a balanced change.
-
-    What rings on the way to it is in no two phases alike, so that phasors show now this pair and now that.
-    """
-    length = window(g, age)
-    mean = max(length // 8, 1)
-    low = low_r = np.inf
-    high = high_r = -np.inf
-    for loop in range(3, 6):
-        sums = gather(g, r, (g.z1, 0j), loop, (mean, mean, mean), length - 3 * mean + 2)
-        m, left, resistance = fit(sums, -1 if sums[1] < 0.0 else 1)
-        if not left < ALIKE:
-            return False
-        per_unit = resistance / abs(g.z1)
-        low, high = min(low, m), max(high, m)
-        low_r, high_r = min(low_r, per_unit), max(high_r, per_unit)
-    most = ALIKE * (1.0 + max(high, -low))
-    return high - low < most and high_r - low_r < most
-
-
-@njit
-def doubted(
-    fitted: tuple[float, float, float], direction: int, reach: float, doubt: float, behind: float
-) -> float:
+def doubted(fitted: Fit, direction: int, reach: float, doubt: float, behind: float) -> float:
     """m of a `fit` with ``doubt`` times what it leaves added; infinite for one behind a loop with a direction
     by more than a tenth, a part of the resistance, and ``behind`` times what it leaves."""
     m, left, r = fitted

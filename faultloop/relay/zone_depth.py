@@ -16,7 +16,8 @@ from faultloop.relay.characteristics import (
     quad_measures,
 )
 from faultloop.relay.charging import charging_voltage
-from faultloop.relay.loop_fit import BEHIND, Sums, centred, doubted, fit, gather, window
+from faultloop.relay.line_fit import charged_fit
+from faultloop.relay.loop_fit import BEHIND, Fit, centred, doubted, fit, gather, window
 from faultloop.relay.memory import at_frequency, size2
 from faultloop.relay.saturation import is_saturated
 from faultloop.relay.standing import standing_depth
@@ -25,6 +26,10 @@ from faultloop.relay.unknown_vt import CENTRED_DOUBT, is_believed, is_believed_c
 
 Record = Any
 ALL_POLES = 7
+BARE = 0.05
+"""Of the reach: a fault resistance below this is none.  A phase loop on the line's way is then inside by m
+alone: its phasors may swing round to where a characteristic has no m while the fit stands still (326 km,
+54 Hz: for 10 ms at 0.76; bench/security.py, kind long, seed 97030, network 673)."""
 SURE, SURE_LEFT, SURE_RESISTANCE = 6.0, 0.05, 0.25
 """Where phasors that ring show the fault outside and the fit stands alone: how much what it leaves counts,
 the most of it, and the largest fault resistance, over the reach.  Once all is sinusoidal m and a resistance
@@ -127,10 +132,12 @@ def depth(g: Record, q: Record, c: Record, loop: int) -> float:
 
 
 @njit
-def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: float) -> float:
+def fitted_depth(
+    g: Record, q: Record, c: Record, loop: int, fitted: Fit, doubt: float, charged: bool
+) -> float:
     """m of the samples' fit, with ``doubt`` times what it leaves added; no less than by the zone's
-    characteristic for the impedance that was fitted, as phasors on their way cross it."""
-    fitted = fit(sums, -1 if c.direction < 0 else 1)
+    characteristic for the impedance that was fitted, as phasors on their way cross it.  One with the line's
+    charging (``charged``) is the place itself: it must be inside there, too, and no more."""
     behind = BEHIND[2] if weakness(g, q) == 0.0 else doubt
     resistive = abs(fitted[2]) > SURE_RESISTANCE * abs(c.reach)
     matters = fitted[0] + SATURATED * doubt * fitted[1] >= 1.0
@@ -141,11 +148,16 @@ def fitted_depth(g: Record, q: Record, c: Record, loop: int, sums: Sums, doubt: 
         m -= fitted[0] * (1.0 + doubt if doubt > DOUBT else 1.0)
     if m >= 1 or q.swing_fault:
         return m
+    if charged and loop >= 3 and abs(fitted[2]) < BARE * abs(c.reach):
+        return m
     i = loop_current(q.x, loop, c.k0) + (q.mutual if loop < 3 else 0.0)
     drop = at_frequency(g, q.memory, c.reach) * i
     residual = q.x[3] + q.x[4] + q.x[5]
     v = fitted[0] * drop + fitted[2] * (residual if loop < 3 else i)
-    return max(m, by_characteristic(g, q, c, loop, v, i))
+    if charged:
+        v -= charging_voltage(g, q, max(fitted[0], 0.0) * c.charged, loop)
+    border = by_characteristic(g, q, c, loop, v, i)
+    return m if charged and border < 1 else max(m, border)
 
 
 @njit
@@ -157,12 +169,33 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
     if is_believed(g, q, ratio):
         mean = max(length // 8, 1)
         sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
-        m = fitted_depth(g, q, c, loop, sums, doubt)
+        fitted = fit(sums, -1 if c.direction < 0 else 1)
+        m = fitted_depth(g, q, c, loop, fitted, doubt, False)
+        if m >= 1 and is_charged(g, q, c):
+            fitted = charged_fit(g, q.recent, drop, c.charged, loop, q.memory.age, fitted)
+            m = fitted_depth(g, q, c, loop, fitted, doubt, True)
     if is_believed_centred(g, q, ratio):
         mean = length // 3
         sums = centred(gather(g, q.recent, drop, loop, (mean, 1, 1), length - mean), length - mean)
-        m = min(m, fitted_depth(g, q, c, loop, sums, CENTRED_DOUBT))
+        fitted = fit(sums, -1 if c.direction < 0 else 1)
+        m = min(m, fitted_depth(g, q, c, loop, fitted, CENTRED_DOUBT, False))
     return m
+
+
+@njit
+def is_sure(g: Record, q: Record, c: Record, fitted: Fit) -> bool:
+    """Whether a fit may stand alone."""
+    m, left, r = fitted
+    sure = SURE_WHOLE if 4 * q.memory.age >= 5 * g.cycle else SURE
+    if not (left < SURE_LEFT and m > -BEHIND[0] and abs(m) + sure * left < 1):
+        return False
+    return abs(r) <= SURE_RESISTANCE * abs(c.reach)
+
+
+@njit
+def is_charged(g: Record, q: Record, c: Record) -> bool:
+    """Whether the line's charging can be taken into the fit."""
+    return c.charged > 0.0 and g.ideal_vt and not q.swing_fault
 
 
 @njit
@@ -177,14 +210,14 @@ def depth_alone(g: Record, q: Record, c: Record, loop: int) -> float:
         return OUTSIDE
     length = window(g, q.memory.age)
     mean = max(length // 8, 1)
-    sums = gather(g, q.recent, (c.reach, c.k0 * c.reach), loop, (mean, mean, mean), length - 3 * mean + 2)
-    m, left, r = fit(sums, -1 if c.direction < 0 else 1)
-    sure = SURE_WHOLE if 4 * q.memory.age >= 5 * g.cycle else SURE
-    if not (left < SURE_LEFT and m > -BEHIND[0] and abs(m) + sure * left < 1):
-        return OUTSIDE
-    if abs(r) > SURE_RESISTANCE * abs(c.reach):
-        return OUTSIDE
-    return fitted_depth(g, q, c, loop, sums, 0.0)
+    drop = c.reach, c.k0 * c.reach
+    sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
+    fitted = fit(sums, -1 if c.direction < 0 else 1)
+    if is_charged(g, q, c):
+        charged = charged_fit(g, q.recent, drop, c.charged, loop, q.memory.age, fitted)
+        if is_sure(g, q, c, charged):
+            return fitted_depth(g, q, c, loop, charged, 0.0, True)
+    return fitted_depth(g, q, c, loop, fitted, 0.0, False) if is_sure(g, q, c, fitted) else OUTSIDE
 
 
 @njit

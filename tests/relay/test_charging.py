@@ -10,9 +10,10 @@ import pytest
 
 from faultloop.errors import InputError
 from faultloop.relay import Relay, RelaySettings
-from faultloop.relay.charging import charging_voltage
+from faultloop.relay.charging import charge_in_time, charging_voltage
 from faultloop.relay.functions.pdif import PDIF, agreement
 from faultloop.relay.functions.pdis import PDIS, charged_part
+from faultloop.relay.loop_fit import fit, gather
 from faultloop.relay.relay import records_of
 from faultloop.relay.zone_depth import by_characteristic
 from tests.relay.functions.kernel import Kernel
@@ -175,3 +176,47 @@ def test_susceptances_that_are_none(given: dict[str, float], key: str, said: str
     with pytest.raises(InputError) as error:
         RelaySettings.from_dict({"relay": {"frequency_hz": 50}, "line": LINE | given})
     assert (error.value.key, said in error.value.what) == (key, True), error.value
+
+
+def sampled(kind: str, at: float, hertz: list[float]) -> np.ndarray:
+    """(n, 6) samples at 4800 Hz of a bolted fault at ``at`` of `CHARGED` without its losses, with several
+    frequencies, whatever the network on both sides."""
+    rng, t = np.random.default_rng(11), np.arange(2 * 96) / 4800
+    out = np.zeros((len(t), 6))
+    for k, f in enumerate(hertz):
+        v, i = drawn(kind, rng)
+        own = np.empty((2, 3), complex)
+        for n in range(3):
+            name = "0" if n == 0 else "1"
+            x, b = CHARGED[f"z{name}_ohm"][1], CHARGED[f"b{name}_us"] * 1e-6
+            theta, surge = at * f / 50 * np.sqrt(x * b), np.sqrt(x / b)
+            own[:, n] = (np.cos(theta) * v[n] + 1j * surge * np.sin(theta) * i[n],
+                         1j * np.sin(theta) / surge * v[n] + np.cos(theta) * i[n])  # fmt: skip
+        phasors = np.concatenate([PHASES @ own[0], PHASES @ own[1]])
+        out += (phasors * np.exp(2j * np.pi * f * t)[:, None]).real * 0.5**k
+    return out
+
+
+@pytest.mark.parametrize("kind", LOOPS)
+def test_the_fit_in_time_finds_the_place_on_a_line_that_rings(kind: str) -> None:
+    """400 km, 50, 90 and 140 Hz: without the charging five times as much
+    is left and more."""
+    loop = LOOPS[kind]
+    k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8}, line=CHARGED)
+    g = k.g.copy()
+    g["z1"], g["z0"] = 1j * g["z1"].imag, 1j * g["z0"].imag
+    k0 = (g["z0"] - g["z1"]) / (3 * g["z1"])
+    recent = k.q["recent"]
+    for at in (0.2, 0.4, 0.6, 0.75):
+        x = sampled(kind, at, [50.0, 90.0, 140.0])
+        recent["value"][:144], recent["value"][144:], recent["head"] = 0.0, 0.0, 143
+        recent["value"][:144, :6] = x[:144]
+        drop = (g["z1"], k0 * g["z1"])
+        plain = fit(gather(g, recent, drop, loop, (12, 12, 12), 70), 1)
+        found = plain
+        for _ in range(4):
+            charge = charge_in_time(g, found[0], loop)
+            found = fit(gather(g, recent, drop, loop, (12, 12, 12), 70, charge), 1)
+        assert found[0] == pytest.approx(at, abs=0.01), (at, plain, found)
+        assert found[1] < 0.02, (at, plain, found)
+        assert at < 0.5 or plain[1] > 5 * found[1]

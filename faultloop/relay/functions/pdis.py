@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 
 from faultloop.config.tables import ComplexOhm, Milliseconds, Positive, Table
 from faultloop.jit import njit
-from faultloop.relay.characteristics import CROSS, MEMORY_POLARIZED, OFFSET, OWN, QUAD, SELF
+from faultloop.relay.characteristics import CROSS, MEMORY_POLARIZED, OFFSET, OUTSIDE, OWN, QUAD, SELF
 from faultloop.relay.functions.function import Function, Polygon
 from faultloop.relay.loop_fit import SHORTEST
 from faultloop.relay.quantities import DEFAULT_CURRENT_A, LOOPS, Record, publish, request_trip
@@ -239,11 +239,11 @@ def step_zone(g: Record, q: Record, c: Record, w: Record, mask: int) -> None:
             w.inside = w.alone = 0
             w.fault = q.fault
         w.inside = w.inside + 1 if m < 1 else 0
-        if m >= 1 and w.counter > 0.0 and stands_alone(g, q, c):
-            m = zone_depth(g, q, c, mask, ALONE, least)
-            w.alone = w.alone + 1 if m < 1 else 0
-        else:
-            w.alone = 0
+        alone = OUTSIDE
+        if m >= MIDDLE and (m < 1 or w.counter > 0.0) and stands_alone(g, q, c):
+            alone = zone_depth(g, q, c, mask, ALONE, least)
+        w.alone = w.alone + 1 if m >= 1 and alone < 1 else 0
+        m = min(m, alone)
         if m < 1:
             w.counter += security_step(m)
         else:

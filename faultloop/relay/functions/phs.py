@@ -29,7 +29,7 @@ from faultloop.jit import njit
 from faultloop.relay import swing
 from faultloop.relay.currents import blocked_loops
 from faultloop.relay.functions.function import Function
-from faultloop.relay.loop_fit import pairs_alike
+from faultloop.relay.line_fit import pairs_alike
 from faultloop.relay.memory import A2, A, current_limit2, positive_sequence, size2, weight
 from faultloop.relay.quantities import LOOPS, Record, indicate, sequences
 from faultloop.relay.voltages import ALL_PHASES, loops_of
@@ -312,7 +312,7 @@ def select(g: Record, q: Record, c: Record, w: Record) -> None:
     and a three-phase fault can look like a two-phase one.  Once settled, the type is changed only while
     something moves - a slow swing during a long fault is no new fault - and not where the far end's opening
     explains it, which takes the load away from the healthy phases.  What looks like several phases in turn is
-    three-phase if the samples say so (`loop_fit.pairs_alike`).
+    three-phase if the samples say so (`line_fit.pairs_alike`).
 
     Of two faults on two sides (cross-country) the change tells neither: the type is that of the phases ahead,
     as a loop on the line still measures its own.  What looks like that waits for up to a cycle, or zone 1
