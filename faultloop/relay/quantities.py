@@ -25,6 +25,7 @@ from faultloop.relay import currents, cvt, energy, memory, recent, second, unsam
 from faultloop.relay.energy import ENERGY
 from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2, third
 from faultloop.relay.recent import RECENT, SQRT2
+from faultloop.relay.saturation import has_any_collapsed
 from faultloop.relay.second import SECOND
 
 if TYPE_CHECKING:
@@ -401,7 +402,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
     elif not q.memory.frozen:
         if ready and memory.differs(g, q.x, q.memory.reference):
             memory.freeze(q.memory)
-    elif ready and is_idle(q) and memory.begins_anew(g, q.memory, q.x):
+    elif ready and is_idle(q) and memory.begins_anew(g, q.memory, q.x) and not has_any_collapsed(g, q.recent):
         memory.begin_anew(q.memory)
         energy.again(g, q.energy, q.recent, q.memory, turn)
     q.ready = ready

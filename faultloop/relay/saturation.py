@@ -55,3 +55,13 @@ def is_saturated(g: Record, r: Record, loop: int, length: int) -> bool:
     if has_collapsed(g, r, FIRST[loop], length):
         return True
     return loop >= 3 and has_collapsed(g, r, SECOND[loop], length)
+
+
+@njit
+def has_any_collapsed(g: Record, r: Record) -> bool:
+    """Whether any phase's current has within the last cycle."""
+    return (
+        has_collapsed(g, r, 0, g.values)
+        or has_collapsed(g, r, 1, g.values)
+        or has_collapsed(g, r, 2, g.values)
+    )

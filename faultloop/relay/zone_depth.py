@@ -48,7 +48,7 @@ bench/security.py, kind long, seed 97002, networks 1815 and 225).  And in the fi
 counts as what is left does, as a fault ahead is not there: beyond a line of 306 km m came from 1.6 to -0.2
 within 4 ms, with 0.1 left and a resistance (seed 97003, network 3856, one of 218,674).  Later it may be what
 infeed makes of a resistance."""
-SATURATED = 2.0
+SATURATED = 3.0
 """Times as much it counts while a current of the loop has collapsed (`saturation`) within the window and the
 fit finds a resistance above `SURE_RESISTANCE`.  A fault close in leaves no more than its voltage."""
 BY_PHASORS, ALONE = -1.0, -2.0
@@ -173,7 +173,8 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
         m = fitted_depth(g, q, c, loop, fitted, doubt, False)
         if m >= 1 and is_charged(g, q, c):
             fitted = charged_fit(g, q.recent, drop, c.charged, loop, q.memory.age, fitted)
-            m = fitted_depth(g, q, c, loop, fitted, doubt, True)
+            if abs(fitted[2]) <= SURE_RESISTANCE * abs(c.reach):
+                m = fitted_depth(g, q, c, loop, fitted, doubt, True)
     if is_believed_centred(g, q, ratio):
         mean = length // 3
         sums = centred(gather(g, q.recent, drop, loop, (mean, 1, 1), length - mean), length - mean)
