@@ -58,9 +58,10 @@ def charge_in_time(g: Record, part: float, loop: int) -> Charge:
     """How much second differences of the loop's voltage, of v0 and of 3 i0 count in the samples
     (`loop_fit.charged_values`), for a fault at ``part`` of the line.
 
-    There (1 - theta^2 / 2) V = (1 - theta^2 / 6) Z I in every sequence, but for theta^4.  Over the positive
-    one's 1 - theta^2 / 6: (1 - theta^2 / 3) of the loop's voltage (theta^4 / 45 is left, as tan theta / theta
-    is 1 + theta^2 / 3 + 2 theta^4 / 15), and of v0 half the difference of the theta^2, of its drop a sixth.
+    There, with theta^2 = -Z Y, (1 - theta^2 / 2) V = (1 - theta^2 / 6) Z I in every sequence, but for
+    theta^4.  Over the positive one's 1 - theta^2 / 6: (1 - theta^2 / 3) of the loop's voltage (theta^4 / 45
+    is left, as tan theta / theta is 1 + theta^2 / 3 + 2 theta^4 / 15), and of v0 half the difference of the
+    theta^2, of its drop a sixth.
     Without losses -theta^2 is x b / w0^2 times a second derivative, whatever the frequency.
     """
     per_difference = 2.0 - 2.0 * math.cos(g.turn_per_value)  # the size of a second one at w0

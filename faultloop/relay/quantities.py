@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from faultloop.jit import njit
-from faultloop.relay import currents, cvt, energy, memory, recent, second, unsampled, voltages
+from faultloop.relay import currents, cvt, energy, lost_voltages, memory, recent, second, unsampled, voltages
 from faultloop.relay.energy import ENERGY
 from faultloop.relay.memory import A2, MEMORY, MEMORY_CYCLES, SNAPSHOTS, A, size2, third
 from faultloop.relay.recent import RECENT, SQRT2
@@ -425,7 +425,7 @@ def begin(g: Record, q: Record, sample: NDArray, row: NDArray, loops: NDArray) -
         if q.memory.tick == 0 and q.memory.seen > g.settling and q.memory.frozen != memory.ANEW:
             voltages.prove(g, q)
             currents.watch(g, q)
-    voltages.watch(g, q, sample)
+    lost_voltages.watch(g, q, sample)
     unsampled.watch(g, q, sample)
     q.fed = q.memory.fed if q.disturbed else 0
     forget(q)

@@ -31,7 +31,10 @@ than 0.45 six had (bench/security.py, seed 97030)."""
 
 @njit
 def has_collapsed(g: Record, r: Record, phase: int, length: int) -> bool:
-    """Whether the phase's current has, within the last ``length`` values, of which a cycle count."""
+    """Whether the phase's current has, within the last ``length`` values, of which a cycle count; unknown,
+    so no, where a sixteenth of a cycle is less than a value."""
+    if g.values < FALLS:
+        return False
     rest = max(g.values // RESTS, 1)
     falls = max(g.values // FALLS, 1)
     peak = 0.0

@@ -106,8 +106,8 @@ class LineSettings(Table):
     the parallel line's residual current (``parallel`` of the relay's place), ground loops are compensated."""
     b1_us: Positive | None = None
     """Positive-sequence susceptance of the whole line, primary whatever ``ohms`` says.  With it forward zones
-    that end on the line start only where the line's equations with its charging say so, too: for lines of
-    200 km and more."""
+    that end on the line start only where the line's equations with its charging say so, too, and the fit in
+    time finds the fault though the line rings: for lines of 100 km and more."""
     b0_us: Positive | None = None
     """The same of the zero sequence; both or neither."""
     length_km: Positive | None = None

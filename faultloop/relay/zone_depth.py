@@ -26,10 +26,14 @@ from faultloop.relay.unknown_vt import CENTRED_DOUBT, is_believed, is_believed_c
 
 Record = Any
 ALL_POLES = 7
-BARE = 0.05
-"""Of the reach: a fault resistance below this is none.  A phase loop on the line's way is then inside by m
-alone: its phasors may swing round to where a characteristic has no m while the fit stands still (326 km,
-54 Hz: for 10 ms at 0.76; bench/security.py, kind long, seed 97030, network 673)."""
+BARE = (0.25, 0.05)
+"""From this m on, and for less resistance than this, of the reach, a phase loop is inside by the fit with the
+charging alone: its phasors may swing round to where a characteristic has no m while the fit stands still (326
+km, 54 Hz: for 10 ms at 0.76; bench/security.py, kind long, seed 97030, network 673).  Close to the relay a
+characteristic that memory polarizes also says on which side."""
+ROWS = 6
+"""Equations that a fit must have to stand alone, and one with the charging at all: of two unknowns.  Two, as
+at 12 values a cycle, leave nothing whatever there is."""
 SURE, SURE_LEFT, SURE_RESISTANCE = 6.0, 0.05, 0.25
 """Where phasors that ring show the fault outside and the fit stands alone: how much what it leaves counts,
 the most of it, and the largest fault resistance, over the reach.  Once all is sinusoidal m and a resistance
@@ -50,7 +54,8 @@ within 4 ms, with 0.1 left and a resistance (seed 97003, network 3856, one of 21
 infeed makes of a resistance."""
 SATURATED = 3.0
 """Times as much it counts while a current of the loop has collapsed (`saturation`) within the window and the
-fit finds a resistance above `SURE_RESISTANCE`.  A fault close in leaves no more than its voltage."""
+fit finds a resistance above `SURE_RESISTANCE`, or with the charging leaves more than twice `SURE_LEFT`: what
+rings alone leaves less.  A fault close in leaves no more than its voltage."""
 BY_PHASORS, ALONE = -1.0, -2.0
 """In place of a doubt, which is not negative: by the phasors; by the samples where they may stand alone."""
 CHARGING = 1.25
@@ -137,18 +142,19 @@ def fitted_depth(
 ) -> float:
     """m of the samples' fit, with ``doubt`` times what it leaves added; no less than by the zone's
     characteristic for the impedance that was fitted, as phasors on their way cross it.  One with the line's
-    charging (``charged``) is the place itself: it must be inside there, too, and no more."""
+    charging (``charged``) is the place itself: the characteristic must let it in (or `BARE`), and no more."""
     behind = BEHIND[2] if weakness(g, q) == 0.0 else doubt
-    resistive = abs(fitted[2]) > SURE_RESISTANCE * abs(c.reach)
+    doubtful = abs(fitted[2]) > SURE_RESISTANCE * abs(c.reach)
+    doubtful |= charged and fitted[1] > 2.0 * SURE_LEFT
     matters = fitted[0] + SATURATED * doubt * fitted[1] >= 1.0
-    if resistive and matters and is_saturated(g, q.recent, loop, window(g, q.memory.age)):
+    if doubtful and matters and is_saturated(g, q.recent, loop, window(g, q.memory.age)):
         doubt *= SATURATED
     m = doubted(fitted, c.direction, abs(c.reach), doubt, behind)
     if g.ideal_vt and c.direction != 0 and fitted[0] < 0.0:  # behind others it looks so by what they add
         m -= fitted[0] * (1.0 + doubt if doubt > DOUBT else 1.0)
     if m >= 1 or q.swing_fault:
         return m
-    if charged and loop >= 3 and abs(fitted[2]) < BARE * abs(c.reach):
+    if charged and loop >= 3 and m >= BARE[0] and abs(fitted[2]) < BARE[1] * abs(c.reach):
         return m
     i = loop_current(q.x, loop, c.k0) + (q.mutual if loop < 3 else 0.0)
     drop = at_frequency(g, q.memory, c.reach) * i
@@ -171,7 +177,7 @@ def depth_in_time(g: Record, q: Record, c: Record, loop: int, doubt: float) -> f
         sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
         fitted = fit(sums, -1 if c.direction < 0 else 1)
         m = fitted_depth(g, q, c, loop, fitted, doubt, False)
-        if m >= 1 and is_charged(g, q, c):
+        if m >= 1 and is_charged(g, q, c, fitted):
             fitted = charged_fit(g, q.recent, drop, c.charged, loop, q.memory.age, fitted)
             if abs(fitted[2]) <= SURE_RESISTANCE * abs(c.reach):
                 m = fitted_depth(g, q, c, loop, fitted, doubt, True)
@@ -194,9 +200,13 @@ def is_sure(g: Record, q: Record, c: Record, fitted: Fit) -> bool:
 
 
 @njit
-def is_charged(g: Record, q: Record, c: Record) -> bool:
-    """Whether the line's charging can be taken into the fit."""
-    return c.charged > 0.0 and g.ideal_vt and not q.swing_fault
+def is_charged(g: Record, q: Record, c: Record, plain: Fit) -> bool:
+    """Whether the line's charging can be taken into the fit: ahead, by enough samples, and not where the fit
+    without leaves next to nothing and is outside.  Then nothing rings, and charging takes nothing off."""
+    length = window(g, q.memory.age)
+    if not (c.charged > 0.0 and g.ideal_vt and not q.swing_fault and plain[0] > 0.0):
+        return False
+    return length - 3 * max(length // 8, 1) >= ROWS and not (plain[0] >= 1.0 and plain[1] < SURE_LEFT)
 
 
 @njit
@@ -214,7 +224,9 @@ def depth_alone(g: Record, q: Record, c: Record, loop: int) -> float:
     drop = c.reach, c.k0 * c.reach
     sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
     fitted = fit(sums, -1 if c.direction < 0 else 1)
-    if is_charged(g, q, c):
+    if length - 3 * mean < ROWS:
+        return OUTSIDE
+    if is_charged(g, q, c, fitted):
         charged = charged_fit(g, q.recent, drop, c.charged, loop, q.memory.age, fitted)
         if is_sure(g, q, c, charged):
             return fitted_depth(g, q, c, loop, charged, 0.0, True)

@@ -15,7 +15,7 @@ from faultloop.relay.functions.pdif import PDIF, agreement
 from faultloop.relay.functions.pdis import PDIS, charged_part
 from faultloop.relay.loop_fit import fit, gather
 from faultloop.relay.relay import records_of
-from faultloop.relay.zone_depth import by_characteristic
+from faultloop.relay.zone_depth import by_characteristic, depth_alone, depth_in_time, is_charged
 from tests.relay.functions.kernel import Kernel
 
 TURN = np.exp(-2j * np.pi / 3 * np.arange(3))
@@ -220,3 +220,49 @@ def test_the_fit_in_time_finds_the_place_on_a_line_that_rings(kind: str) -> None
         assert found[0] == pytest.approx(at, abs=0.01), (at, plain, found)
         assert found[1] < 0.02, (at, plain, found)
         assert at < 0.5 or plain[1] > 5 * found[1]
+
+
+@pytest.mark.parametrize("at", [0.0, 0.03, 0.05])
+@pytest.mark.parametrize("told", [LINE, CHARGED])
+def test_behind_the_relay_the_fit_with_the_charging_is_no_nearer_than_the_memory_lets_it(
+    told: dict[str, Any], at: float
+) -> None:
+    """A bolted B-C fault behind, with the direction forced: the fit alone has m of nothing to -0.05, and was
+    inside without a characteristic once."""
+    volts = 230e3
+    i = -volts * np.array([0, -1j, 1j]) * np.sqrt(3) / 2 / (1.5 * complex(*LINE["z1_ohm"]))
+    half = -at * complex(*LINE["z1_ohm"]) * (i[1] - i[2]) / 2
+    v = np.array([volts, -volts / 2 + half, -volts / 2 - half])
+    k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8}, line=told, vt={"kind": "ideal"})
+    k.disturb(np.concatenate([volts * TURN, 300.0 * TURN]), np.concatenate([v, i]), age=140)
+    for key, value in {"direction": 1, "fault": 5, "released": 16, "polarizing": volts}.items():
+        k.q[key] = value
+    assert depth_alone(k.g, k.q, k.c, 4) == np.inf
+    k.w.fault, k.w.counter = 5, 1.0
+    for _ in range(60):
+        k.step(count=1, direction=1, fault=5, released=16, polarizing=volts)
+        assert not k.w.pickup
+
+
+def test_where_nothing_rings_the_charging_takes_nothing_off_by_the_fit() -> None:
+    """Sinusoids alone: the fit without leaves nothing, and is outside."""
+    k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8}, line=CHARGED, vt={"kind": "ideal"})
+    k.disturb(np.zeros(6, complex), np.zeros(6, complex), age=140)
+    fits = (1.02, 0.001, 0.0), (1.02, 0.2, 0.0), (0.9, 0.001, 0.0)
+    assert [is_charged(k.g, k.q, k.c, fit) for fit in fits] == [False, True, True]
+    assert not is_charged(k.g, k.q, k.c, (-0.05, 0.2, 0.0))  # behind nothing is known of the line
+
+
+def test_a_fit_of_two_equations_does_not_stand_alone() -> None:
+    """Ten values a cycle and two fifths of one: two unknowns fit whatever there is."""
+    k = Kernel(PDIS, {"zone": 1, "reach_pu": 0.8}, line=CHARGED, vt={"kind": "ideal"})
+    volts = 230e3
+    x = np.concatenate([volts * np.array([1, -0.5 - 0.1j, -0.5 + 0.1j]), 900.0 * np.array([0, -1, 1])])
+    k.disturb(np.concatenate([volts * TURN, 300.0 * TURN]), x, age=140)
+    for key, value in {"direction": 1, "fault": 5, "released": 16, "polarizing": volts}.items():
+        k.q[key] = value
+    whole = depth_alone(k.g, k.q, k.c, 4)
+    assert whole < 1.0 and depth_in_time(k.g, k.q, k.c, 4, 4.0) < 1.0
+    k.g["values"] = k.g["cycle"] = 10
+    k.q["memory"]["age"] = 4
+    assert depth_alone(k.g, k.q, k.c, 4) == np.inf

@@ -43,3 +43,11 @@ def test_one_that_falls_to_nothing_and_stays_there_has():
     assert not has_collapsed(g, r, 1, VALUES // 8)  # too long ago for a window so short
     current[at + 4 :] = -1.0  # it does not rest
     assert not has_collapsed(*records(current), 1, VALUES // 3)
+
+
+def test_eight_values_a_cycle_do_not_tell():
+    g, r = records(np.cos(2 * np.pi / 8 * np.arange(16)))
+    g["values"] = 8
+    for count in range(8, 17):
+        r["head"] = count - 1
+        assert not has_collapsed(g, r, 1, 8)
