@@ -162,6 +162,18 @@ def test_a_charging_where_the_scenario_s_line_has_none() -> None:
     assert len(found) == 2
 
 
+def test_a_long_line_s_charging_that_is_not_told() -> None:
+    long = {"z1_ohm": [15.0, 100.0], "z0_ohm": [60.0, 300.0]}
+    sizes = ("line.AB.length_km=250", "fault.F1.at_pu=0.5")
+    found = doubts({"line": long}, *sizes)
+    assert found == [
+        "line.b1_us: is not told, and zone 1 ends on a line of 250 km: a fault at its far bus behind a weak "
+        "source may measure inside; give b1_us = 700, b0_us = 450"
+    ]
+    assert doubts({"line": long | {"b1_us": 700.0, "b0_us": 450.0}}, *sizes) == []
+    assert doubts({"line": {"z1_ohm": [11.4, 76.0], "z0_ohm": [45.6, 228.0]}}, "line.AB.length_km=190") == []
+
+
 def test_what_goes_together_is_not() -> None:
     tables = {
         "rrec": {},
