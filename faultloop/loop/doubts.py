@@ -215,11 +215,9 @@ def _charging(scenario: Scenario, place: RelayPlace, settings: RelaySettings) ->
     for zone in ends:
         if min(zone.delays) < SELECTIVE_MS:
             b1, b0 = line.b1_us_per_km * line.length_km, line.b0_us_per_km * line.length_km
-            what = (
-                f"is not told, and zone {zone.table.zone} ends on a line of {line.length_km:g} km: a fault at"
-            )
-            what += " its far bus behind a weak source may measure inside"
-            yield Doubt("line.b1_us", f"{what}; give b1_us = {b1:.4g}, b0_us = {b0:.4g}")
+            what = f"is not told, and zone {zone.table.zone} ends on a line of {line.length_km:g} km"
+            outcome = "a fault at its far bus behind a weak source may measure inside"
+            yield Doubt("line.b1_us", f"{what}: {outcome}; give b1_us = {b1:.4g}, b0_us = {b0:.4g}")
             return
 
 

@@ -44,8 +44,8 @@ def pairs_alike(g: Record, r: Record, age: int) -> bool:
     """Whether the three pairs see the same impedance in time: a three-phase fault, or a balanced change.
 
     What rings on the way to it is in no two phases alike, so that phasors show now this pair and now that.
-    With the charging two of 17,456 faults within 60 % of lines of 200 to 400 km were three-phase 10 ms
-    sooner, which before took 24 and 28 ms (bench/security.py, kind long, seed 97030, networks 195 and 473).
+    With the charging two of 4,364 faults within 60 % of 200 to 400 km start zone 1 within 16 ms, which
+    took 24 and 28 without (bench/security.py, kind long, seed 97030, networks 195 and 473).
     """
     length = window(g, age)
     mean = max(length // 8, 1)

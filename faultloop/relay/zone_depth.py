@@ -32,8 +32,8 @@ charging alone: its phasors may swing round to where a characteristic has no m w
 km, 54 Hz: for 10 ms at 0.76; bench/security.py, kind long, seed 97030, network 673).  Close to the relay a
 characteristic that memory polarizes also says on which side."""
 ROWS = 6
-"""Equations that a fit must have to stand alone, and one with the charging at all: of two unknowns.  Two, as
-at 12 values a cycle, leave nothing whatever there is."""
+"""Equations that a fit must have to stand alone, and one with the charging at all: of two unknowns.  One to
+three, as at 10 to 12 values a cycle, leave next to nothing whatever there is."""
 SURE, SURE_LEFT, SURE_RESISTANCE = 6.0, 0.05, 0.25
 """Where phasors that ring show the fault outside and the fit stands alone: how much what it leaves counts,
 the most of it, and the largest fault resistance, over the reach.  Once all is sinusoidal m and a resistance
@@ -54,8 +54,9 @@ within 4 ms, with 0.1 left and a resistance (seed 97003, network 3856, one of 21
 infeed makes of a resistance."""
 SATURATED = 3.0
 """Times as much it counts while a current of the loop has collapsed (`saturation`) within the window and the
-fit finds a resistance above `SURE_RESISTANCE`, or with the charging leaves more than twice `SURE_LEFT`: what
-rings alone leaves less.  A fault close in leaves no more than its voltage."""
+fit finds a resistance above `SURE_RESISTANCE` (with 2 one of 3,626 faults from 98 % on was inside at 0.98;
+bench/ct_saturation.py, seed 4, case 3636), or with the charging leaves more than twice `SURE_LEFT`, as lines
+that ring may look like a collapse.  A fault close in leaves no more than its voltage."""
 BY_PHASORS, ALONE = -1.0, -2.0
 """In place of a doubt, which is not negative: by the phasors; by the samples where they may stand alone."""
 CHARGING = 1.25
@@ -220,12 +221,11 @@ def depth_alone(g: Record, q: Record, c: Record, loop: int) -> float:
     if not is_enough(q, c, loop, i) or depth(g, q, c, loop) < -PHASORS_BEHIND:
         return OUTSIDE
     length = window(g, q.memory.age)
-    mean = max(length // 8, 1)
-    drop = c.reach, c.k0 * c.reach
-    sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
-    fitted = fit(sums, -1 if c.direction < 0 else 1)
+    mean, drop = max(length // 8, 1), (c.reach, c.k0 * c.reach)
     if length - 3 * mean < ROWS:
         return OUTSIDE
+    sums = gather(g, q.recent, drop, loop, (mean, mean, mean), length - 3 * mean + 2)
+    fitted = fit(sums, -1 if c.direction < 0 else 1)
     if is_charged(g, q, c, fitted):
         charged = charged_fit(g, q.recent, drop, c.charged, loop, q.memory.age, fitted)
         if is_sure(g, q, c, charged):
