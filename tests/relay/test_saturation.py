@@ -60,9 +60,9 @@ def test_eight_values_a_cycle_do_not_tell():
     ("seed", "number", "end"), [(4, 3636, 1), (4, 516, 0), (4, 1904, 1), (4, 2070, 0), (6, 2629, 1)]
 )
 def test_a_zone_without_delay_does_not_start_behind_a_full_core(seed, number, end):
-    """Cases of bench/ct_saturation.py: at the far bus, where what was left counted twice (3636) or the fit with
-    the charging was asked for resistive faults too (the next three); behind, where a fault began anew as the
-    current had collapsed (2629)."""
+    """Cases of bench/ct_saturation.py: at the far bus, where what was left counted twice (3636) or the fit
+    with the charging was asked for resistive faults too (the next three); behind, where a fault began anew as
+    the current had collapsed (2629)."""
     bench = load("bench/ct_saturation.py")
     given = Namespace(seed=seed, antialias=1500.0, order=4, reach=0.8)
     row = bench.one(number, given)[end]
